@@ -1,1 +1,1 @@
-"""Claims about flights: bounds that are proven or counted, and of which flights."""
+"""Claims about flights: proven or counted bounds, and the flights that they cover."""

@@ -1,4 +1,4 @@
-"""What the file of a count holds besides its flights: shape, plan and claim."""
+"""The file of a count without its flights: shape, plan and claim."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from flighttune.base.files.table import STRICT
 from flighttune.claims.shape import MIN_LEARNED
 from flighttune.gaps.watch import SignalModel
 
-# The class of each kind of count, as module:class, by what `of` says in its file.
+# The class of each kind of count, as module:class, by the value of `of` in its file.
 KINDS: Mapping[str | None, str] = {
     None: "flighttune.claims.band:Band",
     "residual": "flighttune.claims.residual:Residual",
@@ -25,7 +25,7 @@ Over: TypeAlias = Literal["time", "along"]
 
 
 def _kind(of: str | None) -> str | None:
-    """A kind of count that there is."""
+    """An existing kind of count."""
     if of not in KINDS:
         raise ValueError(f"must be {', '.join(map(str, KINDS))}")
     return of
@@ -38,28 +38,28 @@ Probability: TypeAlias = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class About:
-    """The shape of a band, the flights that it is about, and its claim."""
+    """The shape of a band, its flights, and its claim."""
 
     of: Of = None
     signals: Annotated[dict[str, str], Field(min_length=1)]  # units by name
-    # (1 or 10, windows, signals): the middle of the band, by the terms of the wind
+    # (1 or 10, windows, signals): coefficients of the middle of the band, by wind term
     coefficients: FloatArray
     half: FloatArray  # (windows, signals): half-width at scale 1
-    predicted_from: Literal["wind"] | None  # what the middle is predicted from
-    # of the campaign; its runs are the flights learned from, and those to be counted first
+    predicted_from: Literal["wind"] | None  # quantity that predicts the middle
+    # plan of the campaign; its runs are the learning flights and the first counted flights
     plan: dict[str, Any]
     learned: Annotated[
         int, Field(ge=MIN_LEARNED, le=10**9)
-    ]  # number of draws that the shape was learned from
+    ]  # number of draws for learning the shape
     epsilon: float
-    confidence: float  # of each claim at each number of flights
-    fences: tuple[dict[str, Any], ...] = ()  # GeoJSON in which flights were counted
-    # Epsilon and confidence that the count was planned with, where the claim has others
+    confidence: float  # confidence of each claim at each number of flights
+    fences: tuple[dict[str, Any], ...] = ()  # fences, as GeoJSON, that have been counted
+    # Epsilon and confidence of the plan, if the claim has others
     planned: tuple[Probability, Probability] | None = None
-    until_sure: bool = False  # it is counted until a fence is answered, and claims no bounds
-    # Flights after which it ends if none is outside, 0 if it does not end before the number planned
+    until_sure: bool = False  # the count ends with the answer about a fence, and claims no bounds
+    # Flights after which the count ends if none is outside; 0: only after the planned number
     early: Annotated[int, Field(ge=0, lt=10**9)] = 0
-    models: tuple[SignalModel, ...] = ()  # of a monitor, which the first half of `learned` taught
+    models: tuple[SignalModel, ...] = ()  # models of a monitor, from the first half of `learned`
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune band 2"

@@ -24,26 +24,26 @@ from flighttune.routes.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.routes.follow import SAME_PLACE, RouteReference
 from flighttune.routes.maps import Corridor, Where, areas_of
 
-# Stands for the file of a fence that is kept with its band.
+# Replaces the file name of a fence inside a band's file.
 KEPT = Path("fence")
 
-# Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
+# Distance, in samples at the airspeed, of positions beyond the edges of a window.
 OVERLAP_SAMPLES = 2.0
 
 
 class Fenced(NamedTuple):
-    """The flights of a band that are not certainly inside a fence."""
+    """Count of a band's flights that are not certainly inside a fence."""
 
     heights: str  # floor and ceiling of the fence in words
     outside: int
-    epsilon: float  # probability of leaving the fence that the count supports
-    supported: bool  # whether it is at most that of the band
-    nearest: list[dict[str, Any]]  # of the completed flights, and of the band if it has a corridor
+    epsilon: float  # supported probability of leaving the fence
+    supported: bool  # whether this is at most the band's epsilon
+    nearest: list[dict[str, Any]]  # of completed flights, and of a corridor
     sentence: str
 
 
 def check_off_route(signals: Iterable[str], over: str = "along") -> None:
-    """Refuse a band without the distances from a route."""
+    """Refuse a band that does not bound the distances from a route."""
     if over != "along" or not {*OFF_ROUTE} <= {*signals}:
         raise InputError(
             f"the band must be of {' and '.join(OFF_ROUTE)} along a route, got one of "
@@ -57,9 +57,9 @@ class RecordedSignals(Measured):
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Signals by name; by default the errors, or on a route the distances from it."""
+        """Signals by name; by default the errors, or the distances from a route."""
         central, names = plan.campaign.central, dict.fromkeys(signals or ())
-        if not names:  # all runs have them, so that no flight need say it
+        if not names:  # all runs have these, so no flight is needed to check
             off = OFF_ROUTE if central.route else ERRORS
             return cls(units={name: SIGNAL_UNITS[name] for name in off})
         run = fly_group(plan, central, plan.groups[0])
@@ -80,7 +80,7 @@ class RecordedSignals(Measured):
         return run.signals[[*self.units]].to_numpy()
 
     def lost(self, run: Run, scenario: Scenario) -> bool:
-        """Whether a flight is behind its start or blown back: its distances are wrong then."""
+        """Whether a flight is behind its start or blown back, so that its distances are wrong."""
         route = reference_of(scenario)
         if not (isinstance(route, RouteReference) and {*OFF_ROUTE} & {*self.units}):
             return False
@@ -90,7 +90,7 @@ class RecordedSignals(Measured):
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Band(SignalBounds):
-    """Bounds that a flight of a distribution leaves with a stated probability: a counted claim.
+    """Bounds that a new flight leaves with at most a stated probability: a counted claim.
 
     Attributes
     ----------
@@ -99,19 +99,19 @@ class Band(SignalBounds):
     flights : BandFlights
         Distribution of the flights, and the windows over time or along a route.
     extremes : ndarray of float32, shape (N, windows, signals, 2)
-        Lowest and highest value of each signal in each window of each flight that was counted, in
-        SI; infinite where it was not completed.
+        Lowest and highest value of each signal in each window of each counted flight, in SI;
+        infinite for a flight that was not completed.
     wind : ndarray, shape (N, 2) or (N, 0), m/s
-        Wind at the start of each flight to the north and east, if the band is given it.
+        Wind at the start of each flight to the north and east, if the band uses it.
     endings : sequence of mapping
-        ``run``, ``status`` and ``reason`` of the flights counted that did not complete, as they
-        were flown; none of a file of version 0.3.0.
+        ``run``, ``status`` and ``reason`` of the counted flights that did not complete; empty for a
+        file of version 0.3.0.
     compiled : CompiledFlights
         How many flights were compiled, and how many JSBSim flew, again or alone.
     scores : ndarray, shape (N,)
-        Scale at which each flight is just inside.
+        Smallest scale at which each flight is inside.
     scale : float
-        Factor on the half-widths; infinite if nothing is claimed.
+        Factor on the half-widths; infinite without a claim.
 
     Examples
     --------
@@ -130,14 +130,14 @@ class Band(SignalBounds):
         return f"leaves the band{knowing}"
 
     def with_fence(self, tables: dict[str, Any]) -> "Band":
-        """The band with a fence whose GeoJSON is `tables`; one that it has is its last then."""
+        """The band with this fence (GeoJSON) added; a fence it already has moves to the end."""
         others = tuple(fence for fence in self.about.fences if fence != tables)
         return replace(self, about=replace(self.about, fences=(*others, tables)))
 
     def corridor(self, where: Where | None = None) -> Corridor:
-        """The corridor, in any wind, along its route; an InputError refuses another one, `where`.
+        """The corridor, for any wind, along the route; else an InputError about `where`.
 
-        InputError also if it claims nothing, or bounds no distances from a route.
+        InputError also without a claim, or without bounds on distances from a route.
         """
         about, columns = self.about, self._off_route()
         if about.predicted_from or not self.claims:
@@ -153,7 +153,7 @@ class Band(SignalBounds):
     def inside(self, tables: dict[str, Any], file: Path = KEPT) -> Fenced:
         """Count the flights that are not certainly inside a fence, GeoJSON in `tables`.
 
-        Its `file` is named where the fence is refused.
+        Messages name the `file` of the fence.
         """
         about, central = self.about, self.flights.central
         columns, (path, origin, _) = self._off_route(), self.flights.route.where
@@ -166,7 +166,7 @@ class Band(SignalBounds):
         widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
         overlap = OVERLAP_SAMPLES * max(central.airspeeds) / central.controller.rate_hz
         room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
-        # The limits to the sides are finite: flights that were not completed are outside.
+        # The limits to the sides are finite, so flights that were not completed are outside.
         outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
         flights, ending = len(away), self.ending
         supported = ending.supported(outside, flights)
@@ -187,13 +187,13 @@ class Band(SignalBounds):
         return [self.inside(areas).outside for areas in self.about.fences] or [self.not_completed]
 
     def _off_route(self) -> list[int]:
-        """Where the distances from a route are among the signals."""
+        """Indices of the distances from a route among the signals."""
         check_off_route(self.about.signals, self.flights.over)
         return [list(self.about.signals).index(name) for name in OFF_ROUTE]
 
     @property
     def said_of_fences(self) -> list[str]:
-        """The claim about each fence in which the flights were counted."""
+        """The claim about each counted fence."""
         return [self.inside(fence).sentence for fence in self.about.fences]
 
     def on(self, run: Run) -> RunClaim:
@@ -211,5 +211,5 @@ class Band(SignalBounds):
 
     @property
     def too_many_lost(self) -> bool:
-        """Whether more flights than a claim allows did not complete, or count as if so."""
+        """Whether more flights than a claim allows did not complete or count as incomplete."""
         return self.not_completed > self.allowed

@@ -1,4 +1,4 @@
-"""Counts of flights: draws, scores and the order statistic that their claims rest on."""
+"""Counts of flights: draws, scores, and the order statistic behind their claims."""
 
 import hashlib
 import json
@@ -31,27 +31,27 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import files_hash
 from flighttune.vehicles.plants.base import plant_label
 
-# Relative difference of gains below which they are the same: tuning repeats to 1e-9.
+# Gains within this relative difference count as equal: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
 
-# Part of the time whose largest half-width is printed too: flights have settled by then.
+# The largest half-width after this share of the time is also printed: flights have settled.
 LAST_QUARTER = 0.75
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BandFlights:
-    """The flights of a band and its windows: what follows from its plan, and is not in its file."""
+    """The flights of a band and its windows, which follow from its plan and are not in its file."""
 
-    measured: Measured  # signals that are counted
+    measured: Measured  # counted signals
     over: Over = "time"  # axis of the windows: time, or the distance along a route
     edges: FloatArray  # (windows + 1,), s or m
     distribution: Distribution
-    scenario: Scenario  # as it is without what is drawn
-    central: Scenario  # at the median of what is drawn
+    scenario: Scenario  # the undispersed scenario
+    central: Scenario  # the scenario at the median of all draws
     plant: str  # label
     gains_name: str
     gains: PIGains
-    aircraft: Mapping[str, str]  # SHA-256 of the files of each, by name or folder
+    aircraft: Mapping[str, str]  # SHA-256 of the files of each aircraft, by name or folder
 
     @property
     def flown(self) -> str:
@@ -61,7 +61,7 @@ class BandFlights:
 
     @property
     def sentence(self) -> str:
-        """The flights in words; names that their maker chose are quoted as such."""
+        """The flights in words, with names by their maker in quotation marks."""
         names = {"flights": self.distribution.title, "gains": self.gains_name}
         if self.scenario.plant_table(self.plant).name:
             names["plant"] = self.plant
@@ -70,23 +70,23 @@ class BandFlights:
 
     @property
     def gains_notes(self) -> tuple[str, ...]:
-        """A sentence if the gains were tuned for others."""
+        """A sentence if the gains were tuned for another aircraft or airspeed."""
         return self.scenario.gains_notes(self.plant, self.gains_name)
 
     @property
     def changed(self) -> list[str]:
-        """Aircraft whose files are no longer those that were flown."""
+        """Aircraft whose files have changed since the flights."""
         return [name for name, digest in self.aircraft.items() if files_hash(name) != digest]
 
     @property
     def route(self) -> PlannedRoute:
-        """The route that is flown; InputError if there is none, or an aircraft has changed."""
+        """The flown route; InputError without a route, or if an aircraft has changed."""
         if self.changed:
             raise other_files(self.changed)
         return planned_route(self.central)
 
     def flown_otherwise(self, plant: str, name: str, gains: PIGains | None) -> str:
-        """Which of plant, law and gains of a flight are others, in words; empty if none is."""
+        """Differences of a flight in plant, law and gains, in words; empty without any."""
         laws = [split_name(x)[0] for x in (name, self.gains_name)]
         if self.plant != plant:
             return f"plant is {plant}, counted on {self.plant}"
@@ -99,7 +99,7 @@ class BandFlights:
     def not_counted(
         self, scenario: Scenario, plant: str, name: str, but: tuple[str, ...] = ()
     ) -> str:
-        """First difference of a scenario's flights from the counted ones; empty if there is none.
+        """First difference of a scenario's flights from the counted flights; empty without any.
 
         `plant` and `name` are the labels of its plant and gains. Keys that begin with `but` may
         have any value.
@@ -118,9 +118,9 @@ class BandFlights:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Counted(Answering):
-    """Flights of a distribution that were counted, and what a new one does with some probability.
+    """Counted flights of a distribution, with a claim about the probability of a new flight.
 
-    Its kinds, a `Band`, a `Residual`, a `TurnBack` and a `Monitor`, say what their signals mean.
+    Its kinds `Band`, `Residual`, `TurnBack` and `Monitor` define the meaning of the signals.
     """
 
     about: About
@@ -135,8 +135,8 @@ class Counted(Answering):
     kind: ClassVar[Kind] = "counted"
     of: ClassVar[Of] = None
     measures: ClassVar[type[Measured]]
-    title: ClassVar[tuple[str, str]] = "band", "half_widths"  # of the table of an answer
-    unlike: ClassVar[tuple[str, ...]] = ()  # keys that may differ in a flight that it is about
+    title: ClassVar[tuple[str, str]] = "band", "half_widths"  # title of the table in an answer
+    unlike: ClassVar[tuple[str, ...]] = ()  # keys that may differ in a covered flight
 
     def __post_init__(self) -> None:
         about = self.about
@@ -151,17 +151,17 @@ class Counted(Answering):
 
     @property
     def measured(self) -> Measured:
-        """The signals that are counted."""
+        """The counted signals."""
         return self.flights.measured
 
     @property
     def ending(self) -> Ending:
-        """When the count ends, and what it supports then."""
+        """The rule that ends the count, and its supported claims."""
         return Ending.of(self.about)
 
     @property
     def shared(self) -> Shared:
-        """The claims that share the confidence."""
+        """The claims that share the count's confidence."""
         return self.ending.shared(self.about, len(self.extremes))
 
     @property
@@ -176,39 +176,39 @@ class Counted(Answering):
 
     @property
     def readings(self) -> tuple[int, ...]:
-        """Numbers of flights, fixed beforehand, at which it may be read."""
+        """Numbers of flights, fixed beforehand, at which the count may be read."""
         return self.ending.readings(len(self.extremes))
 
     @property
     def decided(self) -> bool:
-        """Whether the answer is certain, maybe before all flights planned are flown."""
+        """Whether the answer is certain, possibly before all planned flights."""
         return self.ending.decided(self._not_inside, len(self.scores))
 
     @property
     def allowed(self) -> int:
-        """Number of flights that may be outside, of those counted or, if more, of those planned."""
+        """Allowed number of flights outside, of the counted or, if more, the planned flights."""
         return self.ending.allowed(len(self.scores))
 
     @property
     def _not_inside(self) -> list[int]:
-        """Numbers of counted flights that are outside whatever the scale, of each claim."""
+        """Number of counted flights that are outside at any scale, for each claim."""
         return [self.not_completed]
 
     @property
     def first(self) -> int:
-        """Number of flights planned; a count of fewer claims nothing, unless it ends sooner."""
+        """Planned number of flights; a smaller count claims nothing, unless its rule ends it."""
         return self.ending.flights
 
     @property
     def draws(self) -> npt.NDArray[np.int64]:
-        """Draws of the flights counted."""
+        """Draws of the counted flights."""
         return self.draws_of(len(self.extremes))
 
     def draws_of(self, flights: int) -> npt.NDArray[np.int64]:
-        """Draws of so many flights."""
+        """Draws of a number of flights."""
         i = np.arange(flights)
-        # One draw is left out where the number planned is doubled: a count that was continued then
-        # has other flights than one planned so long, and cannot pass for it.
+        # One draw is skipped at each doubling of the planned number. A continued count therefore
+        # has other flights than a count planned with this length, and cannot be mistaken for it.
         return self.about.learned + i + np.searchsorted(self.ending.numbers, i, side="right")
 
     @property
@@ -218,17 +218,17 @@ class Counted(Answering):
 
     @property
     def not_completed(self) -> int:
-        """Number of counted flights that did not complete, or count as if they had not."""
+        """Number of counted flights that did not complete or count as incomplete."""
         return int(np.isinf(self.scores).sum())
 
     @property
     def lost(self) -> str:
-        """How many counted flights have infinite extremes, and why, in words."""
+        """Number of counted flights with infinite extremes, and the reason, in words."""
         off = " or flew behind their start or back along the route" * (self.flights.over == "along")
         return f"{self.not_completed} did not complete{off}"
 
     def why_not(self, run: Run) -> str:
-        """Why the count says nothing of a run; empty if its flights could have been this one."""
+        """Why the count does not cover a run; empty if the run could be one of its flights."""
         if not self.claims:
             return "nothing is claimed: too many of the flights counted were not completed"
         if run.status != "completed":
@@ -236,7 +236,7 @@ class Counted(Answering):
         return self.flights.flown_otherwise(*flown_by(run)) or self.not_about(run)
 
     def not_about(self, run: Run) -> str:
-        """How a run of its plant, law and gains is of other flights, in words, or empty."""
+        """How a run of its plant, law and gains differs from its flights, in words, or empty."""
         origin = run.provenance
         return self.flights.not_counted(
             scenario_of(run), origin.plant, origin.gains_name, self.unlike
@@ -244,7 +244,7 @@ class Counted(Answering):
 
     @property
     def nearest(self) -> int:
-        """Draw of the flight inside that is nearest to leaving."""
+        """Draw of the inside flight that is nearest to leaving."""
         return int(self.draws[np.argmax(np.where(self.scores <= self.scale, self.scores, -np.inf))])
 
     @property
@@ -281,7 +281,7 @@ class Counted(Answering):
         return []
 
     def claiming(self, epsilon: float, confidence: float) -> Self:
-        """The same count with another claim, which shares the confidence with that planned."""
+        """The same count with another claim, which shares the confidence with the planned claim."""
         planned = self.about.planned or (self.about.epsilon, self.about.confidence)
         claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
         claim["planned"] = None if planned == (epsilon, confidence) else planned
@@ -290,7 +290,7 @@ class Counted(Answering):
     def with_flights(
         self, extremes: Extremes, wind: FloatArray, endings: Sequence[Mapping[str, Any]] = ()
     ) -> Self:
-        """The count after more flights."""
+        """The count continued with more flights."""
         kept = np.concatenate([self.extremes, extremes]), np.concatenate([self.wind, wind])
         return replace(self, extremes=kept[0], wind=kept[1], endings=[*self.endings, *endings])
 
@@ -302,7 +302,7 @@ class Counted(Answering):
 
     @property
     def sha256(self) -> str:
-        """Hash of all that its file holds, however the file is packed."""
+        """Hash of its file's content, independent of compression."""
         digest = hashlib.sha256(json.dumps(tables_of(self.about), sort_keys=True).encode())
         for array in (self.extremes, self.wind):
             digest.update(array.tobytes())
@@ -310,7 +310,7 @@ class Counted(Answering):
 
     def save(self, path: str | Path) -> None:
         """Write the count with its SHA-256 (.npz), whole or not at all."""
-        # First, as its `format` says what the file is.
+        # First, because its `format` identifies the file.
         arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
         arrays |= {"extremes": self.extremes, "wind": self.wind}
         if self.compiled != CompiledFlights():
@@ -326,7 +326,7 @@ class Counted(Answering):
 
     @property
     def own_notes(self) -> list[str]:
-        """Sentences of an answer about what is counted."""
+        """Sentences of an answer about the counted signals."""
         return []
 
     @property
@@ -337,9 +337,9 @@ class Counted(Answering):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalBounds(Counted):
-    """A count whose signals have a width: bounds that a new flight leaves with some probability."""
+    """A count with bounds on signals, which a new flight leaves with some probability."""
 
-    rounding: ClassVar[float] = 0.0  # s or m, of the places of the bounds
+    rounding: ClassVar[float] = 0.0  # s or m: positions of the bounds
 
     @property
     def half_widths(self) -> FloatArray:
@@ -347,7 +347,7 @@ class SignalBounds(Counted):
         return self.scale * self.about.half
 
     def bounds(self, t: FloatArray, wind: FloatArray | None = None) -> Bounds:
-        """Bounds at the times `t` (s), or the distances along a route (m), in a `wind`, (2,)."""
+        """Bounds at times `t` (s) or distances along a route (m), in a `wind`, (2,)."""
         about = self.about
         if (about.predicted_from is None) != (wind is None):
             raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
@@ -375,7 +375,7 @@ class SignalBounds(Counted):
 
 
 def other_files(aircraft: Iterable[str]) -> InputError:
-    """The error about aircraft whose files have changed since the flights of a band."""
+    """The error for aircraft whose files have changed since the flights of a band."""
     return InputError(
         f"`{listed(list(aircraft))}` must have the files that the band was flown with, got changed "
         "ones."

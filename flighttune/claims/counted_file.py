@@ -1,4 +1,4 @@
-"""Files of counts: read, and held to the plan that they state."""
+"""Files of counts: read, and checked against their plans."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +22,7 @@ ARRAYS |= {"endings": array.TEXT, COMPILED: array.TEXT}
 
 
 def load_counted(path: str | Path) -> Counted:
-    """Read a count, and compute scores and scale; its windows and flights are those of its plan."""
+    """Read a count; compute its scores and scale, and its windows and flights from its plan."""
     counted = read_counted(path, _flights)
     about, ending, flights = counted.about, counted.ending, len(counted.scores)
     if not (ending.corridor or about.fences):
@@ -34,7 +34,7 @@ def load_counted(path: str | Path) -> Counted:
             f"{about.learned + ending.flights}."
         )
     if about.fences:
-        draws = counted.draws.tolist()  # of a count that grew, more than were planned
+        draws = counted.draws.tolist()  # a continued count has more flights than planned
         check_one_path(plan_in(about).with_runs(draws[-1] + 1), draws)
     return counted
 
@@ -50,7 +50,7 @@ def _flights(about: About) -> BandFlights:
 
 
 def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
-    """Read a count whose flights `flights_of` finds from its plan."""
+    """Read a count, with its flights from its plan by `flights_of`."""
     load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     with naming(path):
@@ -78,7 +78,7 @@ def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -
 
 
 def _endings_of(text: str) -> list[dict[str, Any]]:
-    """How flights ended, by draw."""
+    """Ends of flights, by draw."""
     said, rows = json_object(text, "`endings`"), []
     for run, sentence in said.items():
         if not (run.isdecimal() and isinstance(sentence, str)):
@@ -89,7 +89,7 @@ def _endings_of(text: str) -> list[dict[str, Any]]:
 
 
 def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
-    """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
+    """Refuse an impossible shape, and arrays whose windows differ from the plan."""
     array.check_shapes("band", arrays, {"extremes": None, "wind": None})
     flights = len(arrays["extremes"])
     each = len(of.edges) - 1, len(about.signals)  # windows and signals

@@ -1,4 +1,4 @@
-"""Flights of a campaign that can be counted: independent draws, in one air, turning back."""
+"""Flights of a campaign for a count: independent draws, in one air, or turning back."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -30,10 +30,10 @@ from flighttune.vehicles.weather_keys import INTENSITIES
 
 CALM, STEADY_WIND = "calm", "wind"
 
-# Tables of a scenario that calm air and steady wind do not have.
+# Tables of a scenario that calm air and steady wind lack.
 DROPPED = {CALM: ("disturbance", "gust", "turbulence", "wind"), STEADY_WIND: ("gust", "turbulence")}
 
-# Distance between the places of a route that are known to its flights, m.
+# Distance between the places of a route for its flights, m.
 APART = 10.0
 
 # Turns by their names, deg.
@@ -41,7 +41,7 @@ TURNS = {"reversal": 180.0, "circle": 360.0}
 
 
 def check_random(source: str, distribution: Distribution, central: Scenario) -> None:
-    """Refuse flights of a source that are all the same."""
+    """Refuse flights that are all equal."""
     drawn = any(len({*values}) > 1 for values in distribution.dispersed.values())
     if not (drawn or central.turbulence or central.sensors or central.navigation):
         raise InputError(
@@ -58,7 +58,7 @@ def air_of(scenario: Scenario) -> str:
 
 
 def in_air(campaign: Campaign, air: str) -> Campaign:
-    """A campaign with only the draws that fly in one class of air; in calm air without its wind."""
+    """A campaign restricted to one class of air; in calm air without its wind."""
     nominal, central = campaign.nominal.as_dict(), campaign.central
     airs = {CALM, air_of(central), *((STEADY_WIND,) if central.wind else ())}
     if central.turbulence is not None and central.turbulence.intensity:
@@ -75,7 +75,7 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
 
 
 def at_random(campaign: Campaign) -> Campaign:
-    """The same campaign with independent draws; points of a grid become equally likely values."""
+    """The campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
         Choice(key=x.key, acts=x.acts, values=x.levels) if isinstance(x, Grid) else x
         for x in campaign.disperse
@@ -84,7 +84,7 @@ def at_random(campaign: Campaign) -> Campaign:
 
 
 def _rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario) -> Campaign:
-    """A campaign with other draws, correlated as far as their keys are there, and scenario."""
+    """A campaign with other draws and scenario, with the correlations of the remaining keys."""
     keys, design = {table.key for table in disperse}, campaign.design
     if design == "grid" and not any(isinstance(table, Grid) for table in disperse):
         design = "random"
@@ -94,9 +94,9 @@ def _rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenar
 
 
 def distribution_of(campaign: Campaign, plant: str) -> Distribution:
-    """The keys with one value in all flights of a plant, and how all other keys are drawn."""
+    """The keys with one value in all flights of a plant, and the draws of all other keys."""
     position = [table.label for table in campaign.nominal.plant].index(plant)
-    # A table that is only there because one of its keys is drawn has its other keys too.
+    # A table that exists only because one of its keys is drawn has its other keys too.
     nominal, fixed = (
         flown_values(scenario, scenario.plant[position])
         for scenario in (campaign.nominal, campaign.central)
@@ -133,7 +133,7 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
     elif isinstance(table, Uniform):
         ends = [table.lower, table.upper]
     else:
-        ends = table.at(np.array([1e-9, 1.0 - 1e-9])).tolist()  # of an unbounded range
+        ends = table.at(np.array([1e-9, 1.0 - 1e-9])).tolist()  # an end of an unbounded range
     if table.acts == "sets":
         return ends
     if own is None:
@@ -144,12 +144,12 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
 
 
 def flights_of(plan: Plan, measured: Measured, flights: int) -> BandFlights:
-    """The flights of a plan and the windows of what is measured, for a first count of `flights`."""
+    """The flights of a plan and their windows, for a first count of `flights`."""
     (group,), central = plan.groups, plan.campaign.central
     over: Over = "time"
     length, per_unit = central.flight.duration_s, central.controller.rate_hz
     followed, gains = conditions.reference_of(central), plan.gain_sets[group.gains]
-    assert gains is not None  # of the group that was chosen
+    assert gains is not None  # of the chosen group
     if isinstance(followed, RouteReference):
         over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
     samples = round(length * per_unit) + 1
@@ -168,7 +168,7 @@ def flights_of(plan: Plan, measured: Measured, flights: int) -> BandFlights:
 
 
 def plan_of(band: Counted) -> Plan:
-    """The plan of a count; InputError if the files of an aircraft have changed since."""
+    """The plan of a count; InputError if the files of an aircraft have changed since then."""
     plan = plan_in(band.about)
     if plan.aircraft != aircraft_hashes(plan.scenario):
         raise other_files(plan.aircraft)
@@ -176,12 +176,12 @@ def plan_of(band: Counted) -> Plan:
 
 
 def plan_in(about: About) -> Plan:
-    """The plan in the file of a band; its scenario at the median is computed again."""
+    """The plan in a band file; its scenario at the median is computed again."""
     try:
         plan = plan_from(about.plan, "`plan`")
         campaign = campaign_on(plan.campaign, plan.scenario, "`plan`")
         (group,) = plan.groups
-        plan.chosen_group(group.plant, group.gains)  # refuses gains that are not there
+        plan.chosen_group(group.plant, group.gains)  # this refuses unknown gains
         if not isinstance(plan.runs, int) or "seed" not in about.plan["campaign"]:
             raise InputError("`plan` must be that of a campaign, with its seed and whole `runs`.")
     except InputError:
@@ -192,15 +192,15 @@ def plan_in(about: About) -> Plan:
 
 
 def check_one_path(plan: Plan, runs: Iterable[int]) -> None:
-    """Refuse a fence for runs that do not all fly one path from one start."""
+    """Refuse a fence unless all runs fly the same path from the same start."""
     path, origin, _ = route.planned_route(plan.campaign.central).where
-    for run in runs:  # the same path is planned once
+    for run in runs:  # equal paths are planned once
         if route.planned_route(plan.scenario_of(run)).where[:2] != (path, origin):
             raise InputError(f"a fence must have one path and start for all, got draw {run}.")
 
 
 def turning_back(plan: Plan, stated: str | float) -> Plan:
-    """Flights that turn back with a bank (deg), stated after ``circle:`` for a whole turn."""
+    """Flights that turn back with a bank (deg); ``circle:BANK`` means a whole turn."""
     kind, _, bank = str(stated).rpartition(":")
     try:
         bank_deg, turn_deg = float(bank), TURNS[kind or "reversal"]
@@ -228,7 +228,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         "roll_rate_dps": phi_rate,
         "place": pd.DataFrame(places).to_dict("records"),
     }
-    # an aircraft may have no steady flight on a slope that it can fly
+    # an aircraft may lack steady flight on a slope that it can fly
     if np.any(places["gamma_deg"]):
         table["or_level"] = True
     tables = nominal.as_dict() | {"turn_back": table, "expect": []}
@@ -236,7 +236,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     if planned.reference.holds_airspeed:
         tables["reference"] = {"V_mps": start_mps}
     drawn = [
-        # each begins on its route, in its direction
+        # each flight begins on its route, in the route's direction
         *(table for table in campaign.disperse if table.key not in STARTS),
         Uniform(key="turn_back.at_m", lower=0.0, upper=path.length),
         Choice(key="turn_back.side", values=[-1, 1]),
@@ -247,7 +247,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
 
 
 def _places(planned: route.PlannedRoute, bank_deg: float) -> dict[str, FloatArray]:
-    """The places of a route at which a flight may turn back, by key of ``[[turn_back.place]]``."""
+    """The places where a flight may turn back, by key of ``[[turn_back.place]]``."""
     path, g = planned.reference.path, planned.reference.g
     s = path.points(APART)
     north, east, up = path.beside(s).T
@@ -267,17 +267,17 @@ def _places(planned: route.PlannedRoute, bank_deg: float) -> dict[str, FloatArra
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
-    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`.
+    """Largest distances of a flight from its route since detection, shape (samples, 2), see `ROOM`.
 
-    Samples begin `detected_s` before it detected, also of a flight that flew longer until then.
+    Samples begin `detected_s` before detection, even if the flight began earlier.
     """
     _, north, east, *_ = turn_back.columns
     position = run.signals[["north", "east", "down"]].to_numpy()
     i = int(np.searchsorted(run.t, turn_back.found_s))
     moved = position - position[i]
     places = cKDTree(np.column_stack([north, east]))
-    # The place of detection is put where it is on the route. The distance to the nearest place is
-    # never less than that to the route.
+    # The place of detection is mapped to the route. The distance to the nearest place is never less
+    # than the distance to the route.
     from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])
     room = np.column_stack([from_route, np.abs(moved[:, 2])])
     room[:i] = 0.0

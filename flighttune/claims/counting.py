@@ -1,4 +1,4 @@
-"""Counts of flights: a shape learned from some, its scale counted on fresh ones, and checks."""
+"""Counts of flights: a shape learned from some flights, its scale counted on others, and checks."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -29,30 +29,30 @@ from flighttune.claims.measured import SAME, Measured
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 
-# Numbers of flights named in the refusal of another one.
+# Numbers of flights that the refusal of another number lists.
 SHOWN = 3
 
-# Rounding of times and distances, s and m.
+# Tolerance for the rounding of times and distances, s and m.
 ROUNDING = 1e-9
 
 C = TypeVar("C", bound=Counted)
 
-# Extremes of a signal of a flight that is outside of any band.
+# Extremes of a signal of a flight that is outside every band.
 LOST = [-np.inf, np.inf]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kept:
-    """What a worker keeps of a completed flight: its extremes by window, then its wind."""
+    """Numbers that a worker keeps of a completed flight: extremes by window, then wind."""
 
     measured: Measured
-    edges: FloatArray  # of the windows, s or m
-    windy: bool  # whether the band is given the wind at the start
-    anywhere: bool = False  # whether flights that only teach the shape are exempt from `lost`
+    edges: FloatArray  # edges of the windows, s or m
+    windy: bool  # whether the band uses the wind at the start
+    anywhere: bool = False  # whether learning flights are exempt from `lost`
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Windows, signals, and the lowest and the highest value."""
+        """Shape of the extremes: windows, signals, lowest and highest value."""
         return len(self.edges) - 1, len(self.measured.units), 2
 
     @property
@@ -61,7 +61,7 @@ class Kept:
         return LOST * (math.prod(self.shape) // 2) + [0.0, 0.0] * self.windy
 
     def parts(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Extremes and wind in the numbers of flights, shape (flights, numbers)."""
+        """Extremes and wind from the numbers of flights, shape (flights, numbers)."""
         extremes, wind = np.split(numbers, [math.prod(self.shape)], axis=1)
         return extremes.reshape(-1, *self.shape), wind
 
@@ -69,7 +69,7 @@ class Kept:
         """The numbers of a run."""
         axis = axis_of(run)
         samples = np.searchsorted(axis, self.edges - ROUNDING).clip(max=len(axis) - 1)
-        # a window has a sample before its last
+        # a window has at least one interval
         samples[:-1] = samples[:-1].clip(max=len(axis) - 2)
         flown = self.measured.values(run, scenario)
         values = np.ravel(shapes.window_extremes(flown, samples)).tolist()
@@ -81,7 +81,7 @@ class Kept:
 def drawn(
     stated: Flights, plant: str | None, gains: str | None, air: str | None, seed: int | None
 ) -> Plan:
-    """Independent draws of one group of flights, by default of the first aircraft, in an air."""
+    """Independent draws of one group, by default of the first aircraft, in one class of air."""
     plan = stated.plan(plant=plant, gains=gains, kind="jsbsim")
     labels = (table.label for table in plan.scenario.aircraft)
     group = plan.chosen_group(
@@ -107,7 +107,7 @@ def counted_on(
     certain: Callable[[C], bool] | None = None,
     fliers: Fliers,
 ) -> C:
-    """A kind of count of the flights of a plan; it ends sooner where the answer is `certain`."""
+    """A count of the flights of a plan; it ends sooner if the answer is `certain`."""
     check_at_least(kind.measures.min_learned, learn=learn)
     plan = plan.with_runs(learn + ending.flights)
     _check_flights(plan, place, windy=predicted_from is not None)
@@ -117,7 +117,7 @@ def counted_on(
     about = About(
         of=kind.of,
         signals=dict(measured.units),
-        coefficients=np.zeros((1, *shape)),  # until they are learned
+        coefficients=np.zeros((1, *shape)),  # replaced once they are learned
         half=np.ones(shape),
         predicted_from=predicted_from,
         plan=plan.as_dict(),
@@ -150,10 +150,10 @@ def counted_on(
 
 
 def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
-    """Fly flights that decide a count by JSBSim too, if compiled ones are among them.
+    """Repeat in JSBSim the flights that decide a count, if compiled flights are among them.
 
-    These are the flights outside, the nearest to leaving, and all within a tenth of it. A
-    PlantError names the first that differs.
+    These are the flights outside, the flight nearest to leaving, and all within a tenth of it.
+    PlantError names the first difference.
     """
     compiled = pool.progress.compiled
     completed = counted.scores[np.isfinite(counted.scores)]
@@ -171,11 +171,11 @@ def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
 
 
 def _check_flights(plan: Plan, place: str, *, windy: bool) -> None:
-    """Refuse flights that are all the same, that have other samples, or one wind."""
+    """Refuse flights that are all equal, differ in their samples, or share one wind."""
     (group,) = plan.groups
     distribution = counted_flights.distribution_of(plan.campaign, group.plant)
     counted_flights.check_random(place, distribution, plan.campaign.central)
-    # The windows of a band are the same samples in each flight.
+    # The windows of a band contain the same samples in each flight.
     for key in {"flight.duration_s", "controller.rate_hz"} & {*plan.keys}:
         raise InputError(f"{place}: `{key}` must be the same in all flights of a band.")
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
@@ -185,7 +185,7 @@ def _check_flights(plan: Plan, place: str, *, windy: bool) -> None:
 def _learned(
     pool: WorkerPool, plan: Plan, about: About, kept: Kept
 ) -> tuple[FloatArray, FloatArray]:
-    """Coefficients and half-widths that follow from the first draws of a plan."""
+    """Coefficients and half-widths learned from the first draws of a plan."""
     draws = range(kept.measured.teaching(about.learned), about.learned)
     flown = _flown(pool, plan, replace(kept, anywhere=True), draws, "learning")
     epsilon, _ = about.planned or (about.epsilon, about.confidence)
@@ -197,7 +197,7 @@ def _learned(
 
 
 def kept_band(source: object) -> Band | None:
-    """The band itself or that in a file, None for another source; InputError for another count."""
+    """A band or the band in a file; None for another source; InputError for another count."""
     counted = written(source, BAND) or source
     if isinstance(counted, Band):
         return counted
@@ -209,7 +209,7 @@ def kept_band(source: object) -> Band | None:
 
 
 def count_more(band: C, flights: int, pool: WorkerPool) -> C:
-    """The count after `flights` draws of its campaign in all: an InputError refuses fewer."""
+    """The count continued to `flights` draws in total; InputError if it has more already."""
     counted, ending = len(band.scores), band.ending
     if flights == counted > ending.flights:  # the same command again
         pool.observer.hear(f"its {flights} flights are counted already: none is flown")
@@ -231,13 +231,13 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
 
 
 def kept_of(band: Counted) -> Kept:
-    """What is kept of the flights of a count."""
+    """The numbers to keep from the flights of a count."""
     windy = band.about.predicted_from is not None
     return Kept(measured=band.measured, edges=band.flights.edges, windy=windy)
 
 
 def check_shape(band: Counted, pool: WorkerPool) -> None:
-    """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
+    """Repeat the learning flights; InputError if they give another shape."""
     about, plan, kept = band.about, counted_flights.plan_of(band), kept_of(band)
     measured = about.kind.measures.of(about, plan.scenario, plan.groups[0].plant)
     measured.check(pool, plan, about.learned)
@@ -253,11 +253,11 @@ def check_shape(band: Counted, pool: WorkerPool) -> None:
 
 
 def some_draws(band: Counted, flights: int) -> list[int]:
-    """Some of the counted draws at random, and some of those that repeat another to the bit."""
+    """Random counted draws, and some of the draws that repeat another draw to the bit."""
     counted = len(band.scores)
     if not 1 <= flights <= counted:
         raise InputError(f"`count` must be 1 to the {counted} counted, got {flights}.")
-    # Flights that are equal to the bit may be copies: so many of those are chosen too.
+    # Flights that are equal to the bit may be copies, so the same number of them is chosen too.
     rng, rows = np.random.default_rng(), band.extremes.reshape(counted, -1)
     _, first = np.unique(rows, axis=0, return_index=True)
     kinds = np.arange(counted), np.setdiff1d(np.flatnonzero(np.isfinite(band.scores)), first)
@@ -266,7 +266,7 @@ def some_draws(band: Counted, flights: int) -> list[int]:
 
 
 def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
-    """The counted draws, in rising order, that differ by a bit when they are flown again."""
+    """The counted draws, in rising order, whose repetition differs in any bit."""
     chosen = np.searchsorted(band.draws, draws)
     plan = counted_flights.plan_of(band)
     again, wind = _flown(pool, plan, kept_of(band), draws, "counting again")
@@ -276,7 +276,7 @@ def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int
 
 
 def score(kept: Kept, about: About, run: Run, scenario: Scenario) -> float:
-    """Scale at which a flight is just inside a band."""
+    """Smallest scale at which a flight is inside a band."""
     extremes, wind = kept.parts(np.array([kept(run, scenario)]))
     return float(shapes.scores_of(extremes, wind, about.coefficients, about.half)[0])
 
@@ -284,7 +284,7 @@ def score(kept: Kept, about: About, run: Run, scenario: Scenario) -> float:
 def _flown(
     pool: WorkerPool, plan: Plan, kept: Kept, runs: Sequence[int], doing: str = "counting"
 ) -> tuple[shapes.Extremes, FloatArray]:
-    """Extremes of some runs, and their wind where the band is given it."""
+    """Extremes of some runs, and their wind if the band uses it."""
     extremes, winds = [], []
     parts = range(0, len(runs), shapes.PART)
     for number, first in enumerate(parts, 1):

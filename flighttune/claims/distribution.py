@@ -1,4 +1,4 @@
-"""The distribution of the flights behind a count: its keys, and its words."""
+"""The distribution of the flights of a count: its keys, and its description."""
 
 import math
 import re
@@ -18,10 +18,10 @@ from flighttune.vehicles.aircraft.aircraft import OffNominal
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.weather_keys import SensorsTable
 
-# Tables of a scenario that must be those of the flights counted, but for what was dispersed.
+# Tables of a scenario that must equal those of the counted flights, apart from dispersed keys.
 FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")
 
-# Tables that a scenario may leave out; keys that it does have must match those flights.
+# Tables that a scenario may omit; keys that it has must match the counted flights.
 AIR_AND_AIRFRAME = (
     *("disturbance", "wind", "gust", "turbulence", "sensors", "navigation"),
     "plant",
@@ -30,20 +30,20 @@ AIR_AND_AIRFRAME = (
 # Keys of the start of a flight.
 STARTS = ("flight.chi_deg", "flight.gamma_deg")
 
-# Distributions whose stated range holds every draw, not all but a few in 1e9.
+# Distributions whose stated range contains every draw, not all but a few in 1e9.
 BOUNDED = ("uniform", "choice")
 
-# Degrees by which the ends of a range may be rounded.
+# Tolerance for the rounding of a range's ends, deg.
 ROUNDING_DEG = 1e-6
 
-# Keys that are drawn, beside those of the air, and named in the sentence of a claim.
+# Drawn keys, besides keys of the air, that the sentence of a claim names.
 MAX_NAMED = 5
 
-# Endings of keys of airspeeds: that of the start, and those that are commanded later.
+# Endings of keys of airspeeds: at the start, and commanded later.
 AIRSPEED = "flight.V_a_mps"
 AIRSPEEDS = AIRSPEED, "V_mps"
 
-# What a sentence says of the air.
+# Words for the air in a sentence.
 AIR = {
     "wind": "wind {}",
     "gust": "a gust of {}",
@@ -52,18 +52,18 @@ AIR = {
     "disturbance": "rates disturbed by {}",
 }
 
-# Keys whose ranges stand with the air or the airspeed.
+# Keys whose ranges are told with the air or the airspeed.
 NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
 
-# Keys that the table of flights has where they are the same in all of them.
+# Keys that the table of flights has if they are equal in all flights.
 SCHEDULE = "controller.schedule"
 START_AND_GAINS = "flight.h_m", "flight.chi_deg", "flight.gamma_deg", SCHEDULE
 GAINS = {False: "the same at all airspeeds", True: "proportional to airspeed"}
 
-# A place within a key: of a plant, or of one of two limits.
+# Position within a key: a plant, or one of two limits.
 PLACE = re.compile(r"\[.*?\]")
 
-# Keys of how large a wind or gust is, m/s.
+# Keys for the size of a wind or gust, m/s.
 SIZES = ("speed_mps", "down_mps", "peak_mps")
 
 # Columns of the table of flights.
@@ -72,16 +72,15 @@ DRAWN: tuple[str, ...] = "quantity", "values", "drawn"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution:
-    """Distribution of the flights that a count holds for."""
+    """Distribution of the flights that a count covers."""
 
     title: str  # title of the campaign
-    airspeeds: str  # all that are flown, in words
+    airspeeds: str  # all flown plants, in words
     air: str  # ``calm``, ``wind``, or the intensity of the turbulence
-    fixed: dict[str, Any]  # keys of the scenario that are the same in all flights, by dotted path
-    # The lowest and the highest value of a key that is drawn, or all values where they are words
+    fixed: dict[str, Any]  # keys of the scenario that are equal in all flights, by dotted path
+    # The lowest and the highest value of a drawn key, or all values if they are words
     dispersed: dict[str, Annotated[list[Any], Field(min_length=1)]]
-    # `disperse` and `correlation`: the tables of these names in the campaign, which say how keys
-    # are drawn.
+    # `disperse` and `correlation`: the campaign's tables with these names.
     disperse: list[dict[str, Any]]
     correlation: list[dict[str, Any]]
 
@@ -111,7 +110,7 @@ class Distribution:
         return f"{flown} at {self.airspeeds} in {', '.join(air)}{keys}"
 
     def records(self, flown: str) -> list[dict[str, str]]:
-        """Plant, airspeed, start, air, and every key that is drawn with its range and unit."""
+        """Plant, airspeed, start, air, and every drawn key with its range and unit."""
         rows = [
             ("flown", flown, ""),
             ("airspeed", self.airspeeds, ""),
@@ -126,19 +125,19 @@ class Distribution:
 
     @property
     def _drawn(self) -> list[tuple[str, str, str, str]]:
-        """Each key that is drawn: key, words, range, and how."""
+        """Each drawn key: key, words, range and distribution."""
         tables = {key: self._table_of(key) or {} for key in self.dispersed}
         return [(key, _words(key), self._range(key), _how(tables[key])) for key in tables]
 
     def _table_of(self, key: str) -> Mapping[str, Any] | None:
-        """The table that says how a key is drawn: its own, or one of all plants or limits."""
+        """The table that disperses a key: its own, or a table for all plants or limits."""
         tables = {table.get("key"): table for table in self.disperse}
         bare = {PLACE.sub("", str(name)): table for name, table in tables.items()}
         return tables.get(key) or bare.get(PLACE.sub("", key))
 
     @property
     def air_words(self) -> dict[str, str]:
-        """The parts that move the air, disturb the rates, and add errors of sensors."""
+        """Words for moving air, disturbances of the rates, and sensor errors."""
         intensity = self._range("turbulence.intensity")
         if severity := self._range("turbulence.severity"):
             intensity = f"severity {severity} ({self._range('turbulence.wind_20ft_mps')} at 20 ft)"
@@ -161,13 +160,13 @@ class Distribution:
         return {name: text for name, text in words.items() if text}
 
     def _values(self, start: str, end: str = "") -> list[Any]:
-        """Both ends of the range, or the value, of each key that begins and ends so."""
+        """Both ends of the range, or the value, of each key with this beginning and ending."""
         ranges = {key: [value] for key, value in self.fixed.items()} | self.dispersed
         keys = [key for key in ranges if key.startswith(start) and key.endswith(end)]
         return [value for key in keys for value in ranges[key]]
 
     def _range(self, start: str, end: str = "") -> str:
-        """The range of all these values with their unit; empty if no flight has such a key."""
+        """The range of all these values with unit; empty if no flight has such a key."""
         values = self._values(start, end)
         values = [GAINS[value] for value in values] if start == SCHEDULE else values
         return spread(values, unit_of_key(PLACE.sub("", end or start))) if values else ""
@@ -175,8 +174,8 @@ class Distribution:
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
         """Distance of its starts from a scenario's course and path angle, rad; None without one."""
         flown, drawn = flown_values(scenario, plant), set(self.dispersed)
-        # All but the starts must be as in the scenario, in calm air; these are drawn within as much
-        # to either side in both angles.
+        # Everything but the starts must equal the scenario, in calm air. The starts are drawn in a
+        # symmetric range, equal for both angles.
         alike = drawn <= set(STARTS) and {*flown} == {*self.fixed} | drawn and self.air == "calm"
         if not alike or any(table.get("distribution") not in BOUNDED for table in self.disperse):
             return None
@@ -185,7 +184,7 @@ class Distribution:
         return math.radians(max(away)) if max(away) - min(away) <= ROUNDING_DEG else None
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
-        """Why no flight of the distribution can be one of this scenario; None if one can."""
+        """Why no flight of the distribution can belong to this scenario; None if one can."""
         for key, value, counted in self._differences(flown_values(scenario, plant), self.fixed):
             if key.split(".")[0] in FLOWN_ALIKE or value is not None:
                 allowed = counted if key in self.dispersed else abridged(self.fixed.get(key))
@@ -193,10 +192,10 @@ class Distribution:
         return None
 
     def not_counted(self, scenario: Scenario, plant: PlantTable, but: tuple[str, ...] = ()) -> str:
-        """First difference of a flight from the counted ones, in words; empty if there is none.
+        """First difference of a flight from the counted flights, in words; empty without any.
 
-        Unlike in `difference`, a table that the flight leaves out must be one that its flights may
-        lack. Keys that begin with `but` may have any value.
+        Unlike in `difference`, the counted flights may lack a table that the flight omits. Keys
+        that begin with `but` may have any value.
         """
         keys = dict.fromkeys([*self.dispersed, *self.fixed])
         flown = _with_defaults(flown_values(scenario, plant), keys, self._values)
@@ -226,10 +225,10 @@ class Distribution:
 def _with_defaults(
     values: Mapping[str, Any], keys: Collection[str], ends: Callable[[str], Sequence[Any]]
 ) -> dict[str, Any]:
-    """Values, and for tables among `keys` that they lack those that mean the same.
+    """Values, completed by equivalent defaults for tables among `keys` that they lack.
 
-    `ends` has the values of a key of the others. Without wind or gust its size is 0, and nothing
-    else of it counts.
+    `ends` has the values of a key in the other flights. Without wind or gust its size is 0, and its
+    other keys do not count.
     """
     there = {key.rpartition(".")[0] for key in values}
     whole = dict(values)
@@ -249,14 +248,14 @@ def _with_defaults(
 
 
 def _at_places(values: Mapping[str, Any], drawn: Collection[str]) -> dict[str, Any]:
-    """Values, with those of a list apart where a place in it is drawn."""
+    """Values, with lists split into elements if a position in them is drawn."""
     lists = {PLACE.sub("", key) for key in drawn if key.endswith("]")}
     apart = {f"{key}[{i}]": item for key in lists & {*values} for i, item in enumerate(values[key])}
     return {key: value for key, value in values.items() if key not in lists} | apart
 
 
 def _shown(value: Any) -> str:
-    """A value in a sentence; None as none."""
+    """A value in a sentence; None becomes "none"."""
     if isinstance(value, float):
         return f"{value:.6g}"
     return "none" if value is None else abridged(value).strip("'")
@@ -281,7 +280,7 @@ def _leaves(value: Any, above: str) -> Iterator[tuple[str, Any]]:
         yield above, value
 
 
-# Values of tables that a scenario may leave out: those of a flight without errors or changes.
+# Defaults of tables that a scenario may omit: a flight without errors or changes.
 DEFAULTS = {
     name: dict(_leaves(table.model_dump(mode="json", exclude_none=True), name))
     for name, table in {
@@ -293,7 +292,7 @@ DEFAULTS = {
 
 
 def _words(key: str) -> str:
-    """A key in words: a factor is called one."""
+    """A key in words, with factors marked as such."""
     words = "gains" if key == SCHEDULE else key_words(key).removeprefix("sensor ").replace(",", "")
     return words + " factor" * key.endswith("_factor")
 
@@ -307,7 +306,7 @@ def spread(values: Sequence[Any], unit: str) -> str:
 
 
 def _how(table: Mapping[str, Any]) -> str:
-    """How a key is drawn, by its table in the campaign."""
+    """The distribution of a key in words, by its table in the campaign."""
     kind, sd = table.get("distribution", "drawn"), table.get("sd") or table.get("sd_log")
     if sd is not None:
         share = " of its value" if table.get("acts") == "multiplies" else ""

@@ -1,4 +1,4 @@
-"""When a count ends, and what a number of flights outside supports then."""
+"""Rules that end a count, and the claims that it then supports."""
 
 import math
 from abc import ABC, abstractmethod
@@ -22,13 +22,13 @@ from flighttune.campaigns.statistics.count import (
 )
 from flighttune.claims.about import About
 
-# Numbers of flights at which a count is read, over the first of them.
+# Numbers of flights at which a count is read, relative to the first.
 DOUBLED = 2 ** np.arange(31)
 
-# Flights counted before the answer is first judged; then twice, four times ... as many.
+# Flights before the first judgement of the answer; then twice, four times ... this number.
 BATCH = 24
 
-# What is said of a new flight and a fence where it is sure whether flights stay inside.
+# Words about a new flight and a fence, for a sure yes and a sure no.
 SURE = {
     "yes": "leaves the fence with probability at most",
     "no": "is not certainly inside the fence with probability above",
@@ -36,17 +36,17 @@ SURE = {
 
 
 class Shared(NamedTuple):
-    """Claims that share the probability of an error: each has its part of it (Bonferroni)."""
+    """Claims that share the probability of an error by Bonferroni's rule."""
 
-    corridor: bool  # whether bounds of the signals are claimed
+    corridor: bool  # whether bounds on the signals are claimed
     fences: int
-    readings: int  # numbers of flights at which all of them may be read
+    readings: int  # numbers of flights at which all claims may be read
     each: float  # confidence of a claim at one reading
     planned: tuple[float, float] | None  # epsilon and confidence of an earlier claim beside it
 
     @property
     def parts(self) -> list[tuple[int, str]]:
-        """Numbers of parts into which the probability is divided, with what has them in words."""
+        """Numbers of equal parts of the probability, with their claims in words."""
         fences = "its fence" if self.fences == 1 else f"{self.fences} fences"
         claims = f"the band and {fences}" if self.corridor else fences
         numbers = {
@@ -63,7 +63,7 @@ class Shared(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What shares the confidence, in brackets; empty for a single claim."""
+        """The claims that share the confidence, in brackets; empty for a single claim."""
         parts = " at ".join(words for _, words in self.parts)
         shared = [f"by {parts}"] if parts else []
         if self.planned:
@@ -78,11 +78,11 @@ def each_of(claims: int, confidence: float) -> float:
 
 
 class Supported(NamedTuple):
-    """What flights outside a fence support."""
+    """The claim that a number of flights outside a fence supports."""
 
-    epsilon: float  # smallest probability of leaving it that may be claimed
-    claim: str  # what a new flight does, with its probability; empty if nothing is claimed
-    lacks: str = ""  # why nothing is claimed
+    epsilon: float  # smallest probability of leaving the fence that may be claimed
+    claim: str  # the event and its probability; empty without a claim
+    lacks: str = ""  # reason for no claim
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,14 +91,14 @@ class Ending(ABC):
 
     flights: int  # planned
     epsilon: float
-    confidence: float  # of each claim at each reading
+    confidence: float  # confidence of each claim at each reading
 
-    corridor: ClassVar[bool] = True  # whether it claims bounds of the signals
-    words: ClassVar[str] = ""  # what is special about the confidence
+    corridor: ClassVar[bool] = True  # whether it claims bounds on the signals
+    words: ClassVar[str] = ""  # addition about the confidence, in words
 
     @staticmethod
     def of(about: About) -> "Ending":
-        """The ending that a file states."""
+        """The ending in a file."""
         flights = about.plan["runs"] - about.learned
         rule: dict[str, Any] = {"epsilon": about.epsilon, "confidence": about.confidence}
         if about.until_sure:
@@ -107,14 +107,14 @@ class Ending(ABC):
 
     @classmethod
     def enough(cls, flights: int | None, epsilon: float, confidence: float) -> Self:
-        """It ends after `flights`, by default as many as `fresh_flights` asks for."""
+        """End after `flights`, by default the number from `fresh_flights`."""
         flights = fresh_flights(flights, epsilon, confidence)
         return cls(flights=flights, epsilon=epsilon, confidence=confidence)
 
     @property
     @abstractmethod
     def stated(self) -> dict[str, Any]:
-        """The ending as fields of `About`, of which `of` makes it again."""
+        """The ending as fields of `About`, which `of` reads."""
 
     @property
     def numbers(self) -> npt.NDArray[np.int64]:
@@ -126,36 +126,36 @@ class Ending(ABC):
         return tuple(self.numbers[self.numbers <= flights].tolist())
 
     def complete(self, flights: int) -> bool:
-        """Whether a count of `flights` claims what it can."""
+        """Whether a count of `flights` is complete for its claim."""
         return flights >= self.flights
 
     def expected(self, flights: int) -> int:
-        """Flights after which a count that has come to `flights` probably ends."""
+        """Probable final number of flights of a count that has `flights` so far."""
         del flights
         return self.flights
 
     @abstractmethod
     def looks(self) -> list[int]:
-        """Numbers of flights, fewer than planned, after which the answer may be certain."""
+        """Numbers of flights below the planned number at which the answer is judged."""
 
     def allowed(self, flights: int) -> int:
-        """How many may be outside, of `flights` or, if more, of those planned."""
+        """Allowed number outside, of `flights` or, if larger, of the planned number."""
         return allowed_outside(max(self.flights, flights), self.epsilon, self.confidence)
 
     @abstractmethod
     def decided(self, outside: Sequence[int], flights: int) -> bool:
-        """Whether the answer is certain, with so many outside for each claim."""
+        """Whether the answer is certain, with these numbers outside, one for each claim."""
 
     @abstractmethod
     def supported(self, outside: int, flights: int) -> Supported:
-        """What is supported about a fence."""
+        """The supported claim about a fence."""
 
     @abstractmethod
     def scale(self, scores: FloatArray) -> float:
         """Scale of the bounds; infinite if the count claims none."""
 
     def shared(self, about: About, flights: int) -> Shared:
-        """The claims of a count of `flights` that share its confidence."""
+        """Claims that share the confidence of a count of `flights`."""
         readings = max(1, len(self.readings(flights)))
         fences = len(about.fences)
         return Shared(self.corridor, fences, readings, self.confidence, about.planned)
@@ -163,49 +163,49 @@ class Ending(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fixed(Ending):
-    """It ends after the flights planned, or sooner where more are outside than may be.
+    """End after the planned flights, or as soon as too many are outside.
 
-    In two steps it ends after the first `early` flights too, if none of them is outside.
+    In two steps it also ends after the first `early` flights, if none of them is outside.
     """
 
-    early: int = 0  # 0 if it does not end so
+    early: int = 0  # 0: one step
 
     @classmethod
     def in_two_steps(cls, epsilon: float, confidence: float) -> Self:
-        """The fewest flights of which none may be outside first, and then one."""
+        """The smallest count in two steps: none may be outside in the first, one in the second."""
         early, flights = flights_in_two_steps(epsilon, confidence)
         return cls(flights=flights, epsilon=epsilon, confidence=confidence, early=early)
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The ending as fields of `About`, of which `of` makes it again."""
+        """The ending as fields of `About`, which `of` reads."""
         return {"epsilon": self.epsilon, "confidence": self.confidence, "early": self.early}
 
     def complete(self, flights: int) -> bool:
-        """Whether a count of `flights` claims what it can."""
+        """Whether a count of `flights` is complete for its claim."""
         return flights >= self.flights or flights == self.early > 0
 
     def expected(self, flights: int) -> int:
-        """Flights after which a count that has come to `flights` probably ends."""
+        """Probable final number of flights of a count that has `flights` so far."""
         return self.early if flights < self.early else self.flights
 
     def looks(self) -> list[int]:
-        """Numbers of flights, fewer than planned, after which the answer may be certain."""
+        """Numbers of flights below the planned number at which the answer is judged."""
         numbers = sorted({*(BATCH * DOUBLED).tolist(), self.early} - {0})
         return [n for n in numbers if n < self.flights]
 
     def allowed(self, flights: int) -> int:
-        """How many may be outside, of `flights` or, if more, of those planned."""
+        """Allowed number outside, of `flights` or, if larger, of the planned number."""
         flights = max(self.flights, flights)
         return allowed_outside(flights, self.epsilon, self.confidence, self.early)
 
     def decided(self, outside: Sequence[int], flights: int) -> bool:
-        """Whether one more is outside than may be, or none of the first `early`."""
+        """Whether too many are outside, or none of the first `early`."""
         most = max(outside)
         return most > self.allowed(flights) or (flights == self.early and not most)
 
     def supported(self, outside: int, flights: int) -> Supported:
-        """What is supported about a fence: a flight that was not flown counts as outside."""
+        """The supported claim about a fence: a flight that was not flown counts as outside."""
         ended_early = flights == self.early and not outside
         planned = flights if ended_early else max(self.flights, flights)
         missing = planned - flights
@@ -225,9 +225,9 @@ class Fixed(Ending):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnyTime(Ending):
-    """It ends as soon as it is sure whether flights leave a fence, and claims no bounds.
+    """End as soon as it is sure whether flights leave a fence, without bounds on signals.
 
-    Its rule is valid at any number of flights, so that all readings share no confidence.
+    Its rule is valid at any number of flights, so readings do not share the confidence.
     """
 
     corridor: ClassVar[bool] = False
@@ -235,24 +235,24 @@ class AnyTime(Ending):
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The ending as fields of `About`, of which `of` makes it again."""
+        """The ending as fields of `About`, which `of` reads."""
         return {"epsilon": self.epsilon, "confidence": self.confidence, "until_sure": True}
 
     def readings(self, flights: int) -> tuple[int, ...]:
-        """No number is fixed beforehand."""
+        """Empty: no number is fixed beforehand."""
         del flights
         return ()
 
     def looks(self) -> list[int]:
-        """Numbers of flights, fewer than planned, after which the answer may be certain."""
+        """Numbers of flights below the planned number at which the answer is judged."""
         return [*range(LOOK, self.flights, LOOK)]
 
     def decided(self, outside: Sequence[int], flights: int) -> bool:
-        """Whether it is sure of a claim that flights keep it, or that they do not."""
+        """Whether any claim is surely kept or surely not kept."""
         return any(sure(k, flights, self.epsilon, self.confidence) for k in outside)
 
     def supported(self, outside: int, flights: int) -> Supported:
-        """What is supported about a fence: its epsilon where a yes is sure."""
+        """The supported claim about a fence: its epsilon if a yes is sure."""
         answer = sure(outside, flights, self.epsilon, self.confidence)
         epsilon = self.epsilon if answer == "yes" else 1.0
         if not answer:
@@ -260,6 +260,6 @@ class AnyTime(Ending):
         return Supported(epsilon, f"{SURE[answer]} {number(self.epsilon)}")
 
     def scale(self, scores: FloatArray) -> float:
-        """Infinite: it claims no bounds."""
+        """Infinite, because it claims no bounds."""
         del scores
         return math.inf

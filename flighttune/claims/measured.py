@@ -1,4 +1,4 @@
-"""What a count keeps of each flight: some signals of it, in windows."""
+"""Signals that a count keeps of each flight, in windows."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
@@ -18,34 +18,34 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.watch import SignalModel
 
-# Relative difference of numbers that are found again: other machines add up in another order.
+# Relative tolerance of repeated computations: other machines add up in another order.
 SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured(ABC):
-    """Signals of a flight that are counted. Each kind of count has a class of its own."""
+    """Counted signals of a flight. Each kind of count has its own class."""
 
-    units: Mapping[str, str]  # by signal
-    models: tuple[SignalModel, ...] = ()  # which flights teach, and the file keeps
+    units: Mapping[str, str]  # unit by signal
+    models: tuple[SignalModel, ...] = ()  # models that flights teach and the file keeps
 
-    min_learned: ClassVar[int] = MIN_LEARNED  # fewest flights that a count learns from
+    min_learned: ClassVar[int] = MIN_LEARNED  # minimum number of learning flights
     max_windows: ClassVar[int] = MAX_WINDOWS
 
     @classmethod
     @abstractmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Signals for a new count of the flights of a plan; `signals` are those asked for."""
+        """Signals for a new count of the flights of a plan; `signals`: requested names."""
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Signals that a file states, of the flights of a plant in a scenario."""
+        """Signals from a file, for flights of a plant in a scenario."""
         del scenario, plant
         return cls(units=about.signals)
 
     @property
     def room(self) -> Floats:
-        """Factors on the half-widths that are learned, one for each signal or for all."""
+        """Factors on the learned half-widths, one for each signal or for all."""
         return 1.0
 
     @abstractmethod
@@ -53,7 +53,7 @@ class Measured(ABC):
         """The signals of a run of this scenario, shape (samples, signals)."""
 
     def lost(self, run: Run, scenario: Scenario) -> bool:
-        """Whether its values do not hold for a completed run, which counts as outside then."""
+        """Whether the values are invalid for a completed run, which then counts as outside."""
         del run, scenario
         return False
 
@@ -68,17 +68,17 @@ class Measured(ABC):
         return window_edges(samples, flights, len(self.units), most=self.max_windows)
 
     def teaching(self, learned: int) -> int:
-        """How many of the flights learned from teach models before the others teach the shape."""
+        """Number of learning flights that teach models before the others teach the shape."""
         del learned
         return 0
 
     def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
-        """The same signals with the models that the first flights of a plan teach."""
+        """The signals with models taught by the first flights of a plan."""
         del pool, plan, learned
         return self
 
     def check(self, pool: WorkerPool, plan: Plan, learned: int) -> None:
-        """Refuse units and models that are not those of the flights of a plan."""
+        """Refuse units and models that differ from the flights of a plan."""
         del pool, learned
         if [*self.chosen(plan, self.units).units.items()] != [*self.units.items()]:
             raise InputError("`signals` must have the units of the flights.")

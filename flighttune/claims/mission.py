@@ -1,4 +1,4 @@
-"""Missions: planned, counted inside their fence, and turned back from."""
+"""Missions: planned, counted inside a fence, and with the room to turn back."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -31,26 +31,26 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes import maps
 from flighttune.routes.fence import Fence, fence_tables, own_fence, read_fence
 
-# Epsilon, confidence and flights to learn from by default.
+# Default epsilon, confidence and number of learning flights.
 EPSILON, CONFIDENCE, LEARN = 0.05, 0.95, 15
 
-# Flights that turn back to learn from.
+# Number of learning flights that turn back.
 LEARN_TURNS = 60
 
-# Factors on keys, the airspeed and the wind that turns are planned for, with which flights that
-# ended early are flown again, in this order.
+# Trial factors, in this order, on the airspeed and the wind for planned turns, with which flights
+# that ended early are repeated.
 FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
 
 # Epsilon and confidence of a claim.
 Odds: TypeAlias = tuple[float, float]
 
-# Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
+# Number of trial values for a path inside its fence, and the lowest airspeed as a share.
 TRIED, SLOWEST = 8, 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MissionOdds(Answering):
-    """What was counted of a mission: its corridor, flights inside its fence, room to turn back.
+    """Counts of a mission: its corridor, flights inside its fence, and room to turn back.
 
     Attributes
     ----------
@@ -59,13 +59,13 @@ class MissionOdds(Answering):
     room : TurnBack or None
         The flights that turn back, if they were counted.
     files : mapping of str to Path or None
-        The files written: ``band``, ``room`` and ``volumes``.
+        The written files: ``band``, ``room`` and ``volumes``.
     file : Path or None
         The file of the band.
     terrain : Path or None
-        The file of the terrain, if one was looked at.
+        The file of the terrain, if it was given.
     way : str
-        A sentence with the change with which flights that ended early complete, or empty.
+        A sentence on a change that lets the flights that ended early complete; else empty.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class MissionOdds(Answering):
 
 
 def beside(band: Path) -> tuple[Path, Path]:
-    """Files of the room to turn back and of its volumes, beside that of a band."""
+    """Files of the room to turn back and of its volumes, beside the band's file."""
     return Path(f"{band.with_suffix('')}-turn-back.npz"), band.with_suffix(".geojson")
 
 
@@ -123,44 +123,44 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     run_code: bool = False,  # noqa: ARG001 - of the decorator
     **by: Unpack[FlownBy],
 ) -> MissionOdds:
-    """Count whether a mission stays inside its fence, and the room that it needs to turn back.
+    """Count whether a mission stays inside its fence, and the room to turn back.
 
-    Its flights are drawn, and their corridor is counted as a `band`: 15 are learned from.
+    Its flights are drawn, and their corridor is counted like a `band`, learned from 15 flights.
 
     Parameters
     ----------
     source : Band, Flights, Scenario, Campaign, Plan, str or Path
-        A mission (.plan, .waypoints, .kml, .geojson), a scenario or campaign with a route, or the
-        band file of one: its flights are not flown again.
+        A mission (.plan, .waypoints, .kml, .geojson), a scenario or campaign with a route, or a
+        band file, whose flights are not flown again.
     fences : sequence of str or Path
-        Plans, KML or GeoJSON with the areas to stay in and out of, by default that of the mission.
+        Plans, KML or GeoJSON with areas to stay in and out of, by default the mission's fence.
     turn_back : str or float, deg, optional
-        Count the room to turn back too, and its volumes: flight geography, contingency volume and
+        Also count the room to turn back, and its volumes: flight geography, contingency volume and
         ground risk buffer. Flights turn back at any place of the route, by 180 deg of course at
-        this bank, or by a whole turn with ``circle:BANK``. A flight finds that it must, goes on for
-        1 s, and rolls in.
+        this bank, or by a whole turn with ``circle:BANK``. Each rolls in 1 s after it detects that
+        it must turn.
     epsilon : float, 1, optional
         Accepted probability of each claim, by default 0.05, or the file's.
     confidence : float, 1, optional
-        Confidence of all that is said together, 0 to 1, by default 0.95, or the file's.
+        Confidence of all claims together, 0 to 1, by default 0.95, or the file's.
     flights : int, optional
-        Flights to count. By default the count ends after 78 (with a fence) if none is outside, and
-        goes on to 126 otherwise, of which one may be. It ends sooner where a no is certain.
+        Flights to count. By default the count ends after 78 (with a fence) if none is outside, else
+        after 126, of which one may be outside. It ends sooner if a no is certain.
     until_sure : bool
         Count until it is sure whether a flight leaves the fence with a probability of at most
-        epsilon, by a rule that is valid at any number of flights, in place of a number planned and
-        a corridor: a clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
+        epsilon, by a rule that is valid at any number of flights. There is no planned number and no
+        corridor. A clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
         default 208.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default
         aerosonde.
     like : str, optional
-        Campaign whose air and dispersions the flights of a mission have, by default light
-        turbulence, wind to 8 m/s and the dispersions of the aircraft.
+        Campaign with the air and dispersions for a mission, by default light turbulence, wind to 8
+        m/s and the dispersions of the aircraft.
     terrain : str or Path, optional
-        Raster of heights above sea level in m (GeoTIFF, .hgt): heights of the mission above terrain
-        are flown by it, and the answer has the lowest place of path and corridor over the ground.
-        Without it the terrain is not looked at.
+        Raster of heights above sea level in m (GeoTIFF, .hgt) for the mission's heights above
+        terrain. The answer then has the lowest place of path and corridor over the ground. Without
+        it the terrain is not checked.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it.
@@ -173,9 +173,9 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Raises
     ------
     InputError, ScenarioError
-        If the mission cannot be flown, a fence not be counted, or flights not turn back.
+        If the mission cannot be flown, a fence cannot be counted, or flights cannot turn back.
     InfeasibleError
-        If the planned path leaves the fence already: no flight is flown then.
+        If the planned path already leaves the fence; then no flight is flown.
     StoppedError
         If the observer stopped the flights.
 
@@ -206,7 +206,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         flown = _CountedFlights(band=counted)
     if turn_back is not None and file is not None:
         _check_beside(file, source, *fences)
-    # What cannot be counted, and a path that leaves its fence, is refused before a flight.
+    # Before any flight, this refuses sources that cannot be counted and paths outside the fence.
     turning = None if turn_back is None else counted_flights.turning_back(flown.plan, turn_back)
     areas, fence = _asked_fence(fences, flown.fences, alone=until_sure, turns=turning is not None)
     claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
@@ -218,7 +218,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             flown.save(band, file)
         if areas:
             band = band.with_fence(areas)
-            band.inside(areas, fence)  # refuses it before it is kept
+            band.inside(areas, fence)  # this refuses it before it is saved
             if file is not None:
                 band.save(file)
         band = band.claiming(*claim)
@@ -235,7 +235,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
 
 def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> TurnBack:
-    """Count the room that flights need which turn back."""
+    """Count the room that flights need to turn back."""
     return counting.counted_on(
         TurnBack,
         turning,
@@ -249,17 +249,17 @@ def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> Tur
 
 @dataclass(frozen=True, kw_only=True)
 class _NewFlights:
-    """Flights of a mission that are drawn and counted now."""
+    """New flights of a mission, to be drawn and counted."""
 
-    source: Any  # what `flights` takes
-    settings: Mapping[str, Any]  # its keywords
+    source: Any  # source for `flights`
+    settings: Mapping[str, Any]  # keywords for `flights`
     seed: int | None
-    flights: int | None  # to count
+    flights: int | None  # number to count
     until_sure: bool
 
     @cached_property
     def stated(self) -> Flights:
-        """The flights that the source states."""
+        """The flights of the source."""
         return flights_of_source(self.source, **self.settings)
 
     @cached_property
@@ -269,12 +269,12 @@ class _NewFlights:
 
     @property
     def place(self) -> str:
-        """Where they were read from."""
+        """The source of the flights, for messages."""
         return self.stated.place
 
     @property
     def fences(self) -> Sequence[Path]:
-        """Files with fences of the mission itself."""
+        """Files of the mission that have fences."""
         return self.stated.fences
 
     def changed(self, key: str, value: float) -> "_NewFlights":
@@ -283,12 +283,12 @@ class _NewFlights:
         return replace(self, settings={**self.settings, "changes": changes})
 
     def claim(self, epsilon: float | None, confidence: float | None, claims: int) -> Odds:
-        """Epsilon and confidence of each of some claims, which share what is stated of all."""
+        """Epsilon of each claim, and its share of the total confidence."""
         confidence = CONFIDENCE if confidence is None else confidence
         return EPSILON if epsilon is None else epsilon, each_of(claims, confidence)
 
     def ending(self, claim: Odds) -> Ending:
-        """When the count ends: where it is sure, after some flights, by default in two steps."""
+        """The rule that ends the count: when sure, after a number, or by default in two steps."""
         if self.until_sure:
             return AnyTime.enough(self.flights, *claim)
         if self.flights is not None:
@@ -311,7 +311,7 @@ class _NewFlights:
             counted_flights.check_one_path(plan, range(plan.runs))
 
     def count(self, claim: Odds, areas: dict[str, Any], fliers: Fliers) -> Band:
-        """Count them, until it is certain whether they stay inside the fence `areas`, if any."""
+        """Count the flights, until their answer about the fence `areas`, if any, is certain."""
         return counting.counted_on(
             Band,
             self.plan,
@@ -323,7 +323,7 @@ class _NewFlights:
         )
 
     def save(self, band: Band, file: Path) -> None:
-        """Save their count; the room and volumes of an earlier one are removed."""
+        """Save the count, and remove the room and volumes of an earlier count."""
         room, volumes = beside(file)
         if file.exists() and room.exists() and kind_of(room) == BAND:
             remove_file(room)
@@ -333,7 +333,7 @@ class _NewFlights:
         band.save(file)
 
     def way_to_complete(self, band: Band, fliers: Fliers) -> str:
-        """A sentence with the change with which flights that ended early complete, or empty."""
+        """A sentence on a change that lets the flights that ended early complete; else empty."""
         lost = sorted(row["run"] for row in band.endings)
         if not (lost and band.too_many_lost):
             return ""
@@ -342,7 +342,7 @@ class _NewFlights:
         with WorkerPool(fliers) as pool:
             for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
                 value = float(f"{x:.3g}")
-                # Neither route nor aircraft need have it.
+                # Route and aircraft may lack the key.
                 with suppress(InfeasibleError, InputError):
                     other = self.changed(key, value).plan.with_runs(band.about.plan["runs"])
                     rows = pool.in_order(other, lost)
@@ -356,7 +356,7 @@ class _NewFlights:
 
 @dataclass(frozen=True, kw_only=True)
 class _CountedFlights:
-    """Flights of a mission that were counted before, and are not flown again."""
+    """Flights of a mission from an earlier count, which are not flown again."""
 
     band: Band
 
@@ -369,7 +369,7 @@ class _CountedFlights:
         return counted_flights.plan_of(self.band)
 
     def claim(self, epsilon: float | None, confidence: float | None, claims: int) -> Odds:
-        """Epsilon and confidence of each claim, by default those of the count."""
+        """Epsilon and confidence of each claim, by default the count's values."""
         del claims
         own = self.band.about
         epsilon = own.epsilon if epsilon is None else epsilon
@@ -394,19 +394,19 @@ class _CountedFlights:
         """Do nothing: the file is there."""
 
     def way_to_complete(self, band: Band, fliers: Fliers) -> str:
-        """An empty sentence: no flight is flown with a change."""
+        """Empty, because no flight is repeated with a change."""
         del band, fliers
         return ""
 
 
 def _check_absent(settings: Mapping[str, Any]) -> None:
-    """Refuse settings of flights that a band has already."""
+    """Refuse settings that a band already has."""
     for name in (name for name, value in settings.items() if value):
         raise InputError(f"`{name}` must be absent for a band, which has its own.")
 
 
 def _check_beside(band: Path, *given: object) -> None:
-    """Refuse a file of a band whose volumes would be written over a file that was given."""
+    """Refuse a band file whose volumes would overwrite an input file."""
     volumes = beside(band)[1]
     for file in (Path(x) for x in given if isinstance(x, str | Path)):
         if volumes.exists() and file.exists() and volumes.samefile(file):
@@ -416,7 +416,7 @@ def _check_beside(band: Path, *given: object) -> None:
 def _asked_fence(
     fences: Sequence[str | Path], own: Sequence[Path], *, alone: bool, turns: bool
 ) -> tuple[dict[str, Any], Path]:
-    """The GeoJSON of the fence that is asked about, and its file; empty without one."""
+    """The GeoJSON of the requested fence, and its file; empty without a fence."""
     files = [Path(fence) for fence in fences or own]
     areas = fence_tables(files, asked=bool(fences))
     if alone and (turns or not areas):
@@ -433,10 +433,10 @@ def mission_plan(
     out: Path | None = None,
     **of_route: Any,
 ) -> "PlannedMission":
-    """The route of a mission or scenario before a flight, written to a file if one is stated.
+    """The route of a mission or scenario before any flight, also written to a given file.
 
-    Its path is judged by `fences`, or by the fence of the mission. The route of a band file is
-    written with its corridor; `of_route` are further arguments of `route`.
+    Its path is checked against `fences`, or against the mission's own fence. The route of a band
+    file is written with its corridor; `of_route` are further arguments of `route`.
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
@@ -471,30 +471,30 @@ class OverGround(NamedTuple):
 
     values: Mapping[str, Any]
     changed: Sequence[str] = ()  # the places in words
-    faults: Sequence[str] = ()  # those below the ground, as an answer that is no
+    faults: Sequence[str] = ()  # places below the ground, which make the answer no
     notes: Sequence[str] = ()
 
     @property
     def failure(self) -> str:
-        """Why the answer is no; empty if it is not."""
+        """Why the answer is no; else empty."""
         return "the path or its corridor is below the ground" if self.faults else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedMission(Answering):
-    """The route of a mission before a flight, beside its fences and the ground."""
+    """The planned route of a mission, with its fences and the ground."""
 
     route: PlannedRoute
-    nearest: Sequence[Mapping[str, Any]]  # where the path is nearest to each fence
-    outside: Sequence[str]  # a sentence for each fence that the path leaves
-    inside: Sequence[str]  # and for each that it stays inside
+    nearest: Sequence[Mapping[str, Any]]  # the place of the path nearest to each fence
+    outside: Sequence[str]  # sentences on fences that the path leaves
+    inside: Sequence[str]  # sentences on fences that the path stays inside
     seen: OverGround
-    notes: Sequence[str]  # what writing the file cost
+    notes: Sequence[str]  # notes from writing the file
     file: Path | None
 
 
 def over_ground(planned: PlannedRoute, terrain: str | Path | None, band: Band | None) -> OverGround:
-    """What a terrain says of a path and its corridor."""
+    """Clearance of a path and its corridor over terrain."""
     if terrain is None:
         return OverGround({}, notes=[maps.NOT_SEEN])
     seen = {"path": maps.clearance(terrain, planned.where)}
@@ -511,7 +511,7 @@ def over_ground(planned: PlannedRoute, terrain: str | Path | None, band: Band | 
 
 
 def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, Any]) -> str:
-    """Whether a planned path stays inside a fence, in a sentence, and what would keep it inside."""
+    """A sentence on whether a planned path stays inside a fence, and on changes that would help."""
     (path, origin, _), edge = planned.where, nearest["edge"]
     there = f"on the {nearest['stretch']}, {nearest['along_m']:.0f} m along"
     if nearest["leaves_m"] is None:
@@ -530,9 +530,9 @@ def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, An
 
 
 def _ways_inside(planned: PlannedRoute, fence: Fence, waypoint: int) -> str:
-    """The largest airspeed, wind or radius of a circle that would keep a planned path inside."""
+    """The largest airspeed, wind or circle radius with which a planned path would stay inside."""
     scenario, path = planned.scenario, planned.reference.path
-    assert scenario.route is not None  # it is planned
+    assert scenario.route is not None  # a path exists
     V, radius = scenario.flight.V_a_mps, scenario.route.waypoint[waypoint - 1].radius_m
     slowest = [SLOWEST * V, *(table.config.envelope.V_a[0] for table in scenario.aircraft)]
     ranges = {"flight.V_a_mps": (V, max(slowest)), "route.wind_mps": (planned.wind, 0.0)}

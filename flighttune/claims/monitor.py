@@ -1,4 +1,4 @@
-"""Monitors: false alarms counted in healthy flights, or limits that logs of these teach."""
+"""Monitors of flights: false alarms counted in healthy flights, or limits learned from logs."""
 
 import hashlib
 import json
@@ -35,15 +35,15 @@ from flighttune.gaps import watch as watching
 from flighttune.logs.checks import refuse_wrong
 
 MIN_LOGS = 3
-# Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
+# Unjudged beginning of a log, s: an autopilot that takes over has a transient.
 SETTLED_S = 8.0
 MAX_BYTES = 2**25
-# Part of the samples of a log that another may have too: with more, one is a part of the other.
+# Maximum share of a log's samples in another log: above it, one log is part of the other.
 SHARED = 0.9
-DIGITS = 12  # of these samples: one that is read between two others is rounded
-SMALLEST = 1e-12  # limit (SI) and score: residuals of rounding alone are no fault
+DIGITS = 12  # rounding of these samples, since interpolation between samples rounds
+SMALLEST = 1e-12  # minimum limit (SI) and score, so that rounding is not an alarm
 
-# Keys of a scenario with which something fails.
+# Keys of a scenario that simulate a failure.
 FAULTS = "plant.airframe.fault", "plant.throttle_max"
 
 HELD = (
@@ -58,7 +58,7 @@ NOT_HELD = (
 
 
 class Watching(Answering):
-    """A monitor as a claim about runs: their largest score so far, above 1 from an alarm on."""
+    """A monitor as a claim about runs: the running maximum of the score, above 1 after an alarm."""
 
     __slots__ = ()
 
@@ -73,12 +73,12 @@ class Watching(Answering):
         raise NotImplementedError
 
     def alarm(self, run: Run) -> Alarm | None:
-        """When a run is first outside of what is expected, and why; None if it never is."""
+        """First time and reason of an alarm in a run; None without an alarm."""
         alarms = [alarm for watch in self.watches if (alarm := watch.alarm(run)) is not None]
         return max(alarms) if len(alarms) == len(self.watches) else None
 
     def why_not(self, run: Run) -> str:
-        """Why the monitor scores no such run; empty if the run has the signals watched."""
+        """Why the monitor cannot score a run; empty if the run has the watched signals."""
         if SCORE in run.signals:
             return "another monitor has scored it"
         needed = watching.signals_of(self.watches[0].models)
@@ -86,13 +86,13 @@ class Watching(Answering):
         return f"it must have {', '.join(lacking)} to be watched" if lacking else ""
 
     def not_about(self, run: Run) -> str:
-        """Why the claim says nothing of a run that is scored; empty if it is about such flights."""
+        """Why the claim does not cover a scored run; empty if it does."""
         raise NotImplementedError
 
     def on(self, run: Run) -> RunClaim:
-        """The score of a run that has the signals watched, at most 1 where nothing alarms."""
+        """The score of a run with the watched signals, at most 1 without an alarm."""
         no_claim, score = self.not_about(run), watching.score_so_far(self.watches, run)
-        score = np.concatenate([np.zeros(len(run.signals) - len(score)), score])  # not judged
+        score = np.concatenate([np.zeros(len(run.signals) - len(score)), score])  # unjudged
         limit = np.ones((len(score), 1))
         return RunClaim(
             kind="counted",
@@ -108,21 +108,21 @@ class Watching(Answering):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedSignals(Measured):
-    """Residuals of the signals of a flight from what healthy flights predict."""
+    """Residuals of a flight's signals from their values predicted by healthy flights."""
 
     # One half teaches the weights, the other the limits.
     min_learned: ClassVar[int] = 2 * MIN_LEARNED
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Residuals of the models whose signals the flight at the median has."""
+        """Residuals of the models whose signals exist in the flight at the median."""
         del signals
         run = fly_group(plan, plan.campaign.central, plan.groups[0])
         return cls._by(watching.models_of(run.signals))
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Residuals that a file states, if their models are some that are counted."""
+        """Residuals from a file, if their models can be counted."""
         del scenario, plant
         if [x.name for x in about.models] != [*about.signals]:
             raise InputError("`models` must be those of the `signals` of a monitor.")
@@ -140,7 +140,7 @@ class WatchedSignals(Measured):
 
     @property
     def room(self) -> Floats:
-        """Factors on the limits that are learned."""
+        """Factors on the learned limits."""
         return np.array([model.room for model in self.models])
 
     def values(self, run: Run, scenario: Scenario) -> FloatArray:
@@ -157,11 +157,11 @@ class WatchedSignals(Measured):
         return np.array([0, samples - 1])
 
     def teaching(self, learned: int) -> int:
-        """The first half of the flights learned from."""
+        """The first half of the learning flights."""
         return learned // 2
 
     def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
-        """The same residuals with weights that the first half of the flights teaches."""
+        """The residuals with weights taught by the first half of the flights."""
         probes, runs = {"moments": partial(_moments, self.models)}, range(self.teaching(learned))
         rows = pool.in_order(plan, runs, doing="learning", probes=probes)
         flights = [_products(self.models, row["moments"]) for row in rows if "moments" in row]
@@ -170,7 +170,7 @@ class WatchedSignals(Measured):
         return replace(self, models=watching.taught(self.models, flights))
 
     def check(self, pool: WorkerPool, plan: Plan, learned: int) -> None:
-        """Refuse units and weights that are not those of the flights of a plan."""
+        """Refuse units and weights that differ from the flights of a plan."""
         if [*self._by(self.models).units.items()] != [*self.units.items()]:
             raise InputError("`signals` must have the units of the flights.")
         again = self.taught(pool, plan, learned).models
@@ -180,7 +180,7 @@ class WatchedSignals(Measured):
 
 
 def _products(models: Sequence[watching.SignalModel], moments: npt.ArrayLike) -> list[FloatArray]:
-    """Products of the terms and target of each model, whose numbers stand in one row."""
+    """Products of the terms and target of each model, from one row of numbers."""
     sizes = [len(model.terms) + 1 for model in models]
     parts = np.split(np.asarray(moments), np.cumsum(np.square(sizes))[:-1])
     return [part.reshape(size, size) for part, size in zip(parts, sizes, strict=True)]
@@ -194,15 +194,15 @@ def _moments(models: Sequence[watching.SignalModel], run: Run, _: Scenario) -> l
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Monitor(Counted, Watching):
-    """An alarm that healthy flights raise with a stated probability at most: a counted claim.
+    """An alarm with a bounded probability in healthy flights: a counted claim.
 
-    Its score is the largest distance of a flight so far from what healthy flights make expect of
-    its signals, over the limits that were counted.
+    Its score is the running maximum of the distance between a flight's signals and their values
+    expected from healthy flights, divided by the counted limits.
 
     Attributes
     ----------
-    about, flights, extremes, wind, endings, compiled, scores, scale : as of a `Band`
-        Of one window.
+    about, flights, extremes, wind, endings, compiled, scores, scale : as in a `Band`, for one
+        window
     watch : Watch
         The models and their limits; its `scores` and `alarm` take a run.
 
@@ -221,7 +221,7 @@ class Monitor(Counted, Watching):
 
     @property
     def watch(self) -> watching.Watch:
-        """The models and the limits of their residuals; InputError if nothing is claimed."""
+        """The models and the limits of their residuals; InputError without a claim."""
         if not self.claims:
             raise InputError("a monitor must claim a rate of false alarms to watch flights.")
         low, high = self._ends(np.zeros((1, 0)))
@@ -230,17 +230,17 @@ class Monitor(Counted, Watching):
 
     @property
     def watches(self) -> tuple[watching.Watch, ...]:
-        """Its watch alone, as a `LogMonitor` has several."""
+        """Its single watch; a `LogMonitor` has several."""
         return (self.watch,)
 
     def why_not(self, run: Run) -> str:
-        """Why the monitor scores no such run: it is for its own plant, law and gains."""
+        """Why the monitor cannot score a run; it covers only its own plant, law and gains."""
         log = run.provenance.log
         otherwise = "" if log else self.flights.flown_otherwise(*flown_by(run))
         return otherwise or Watching.why_not(self, run)
 
     def not_about(self, run: Run) -> str:
-        """First difference of a run from the counted flights, but for its faults."""
+        """First difference of a run from the counted flights, apart from faults."""
         if run.provenance.log:
             return "it is the log of a real flight, counted on simulated ones"
         return Counted.not_about(self, run)
@@ -271,17 +271,18 @@ class Monitor(Counted, Watching):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HealthyLog:
-    """A log with the models and limits that all others teach, and its score by these."""
+    """A log with models and limits from all other logs, and its score by them."""
 
     name: str
-    seconds: float  # that were judged
+    seconds: float  # number of judged samples
     models: tuple[watching.SignalModel, ...]
-    limits: tuple[float, ...]  # largest residual of each model over the others, with its room
-    score: float  # largest residual of this log over its limit
-    why: str  # model of that residual
-    # What `verify` finds the numbers above from again; empty in files of flighttune 0.4.0.
-    digest: str = ""  # SHA-256 of the signals that are judged
-    moments: tuple[tuple[float, ...], ...] = ()  # of each model: products of its terms and target
+    limits: tuple[float, ...]  # largest residual of each model in other logs, with its room
+    score: float  # largest ratio of a residual of this log to its limit
+    why: str  # model of this residual
+    # Basis from which `verify` computes the numbers above again; empty in files of flighttune
+    # 0.4.0.
+    digest: str = ""  # SHA-256 of the judged signals
+    moments: tuple[tuple[float, ...], ...] = ()  # products of terms and target of each model
     peaks: tuple[tuple[float, ...], ...] = ()  # largest residual of each log and model
 
     __pydantic_config__: ClassVar = STRICT
@@ -289,21 +290,21 @@ class HealthyLog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogMonitor(Watching):
-    """An alarm that a healthy flight like those of the logs raises with a small probability.
+    """An alarm with a bounded probability in healthy flights like the logs.
 
-    Every log is left out once: the others teach models and limits, and score it. A flight alarms
-    once it is above the largest of these scores by the models of every one of them.
+    Every log is left out once: the other logs teach models and limits, which score it. A flight
+    alarms when its score exceeds the largest of these scores by the models of every left-out log.
 
     Attributes
     ----------
     logs : tuple of HealthyLog
-        The logs that it learned from.
+        The learning logs.
 
     Notes
     -----
-    Of n + 1 flights at most one is above all others in this way: if two were, each would score
+    At most one of n + 1 flights can be above all others in this way: if two were, each would score
     higher than the other by the models of the remaining n - 1. If the flights are exchangeable, the
-    new flight is that one with a probability of at most 1/(n + 1): the jackknife-minmax of [1]_,
+    new flight is this one with a probability of at most 1/(n + 1): the jackknife-minmax of [1]_,
     Theorem 2, for the largest score. The kinds of models and their `room` were chosen on flights of
     the ALFA data, for which the claim is therefore optimistic.
 
@@ -339,18 +340,18 @@ class LogMonitor(Watching):
 
     @property
     def distinct(self) -> int:
-        """Number of different logs: those that teach others the same are one."""
+        """Number of different logs; logs that teach the others the same count once."""
         taught = {tuple(model.weights for model in log.models) for log in self.logs}
         digests = {log.digest for log in self.logs}
         return len(taught) if "" in digests else min(len(taught), len(digests))
 
     @property
     def epsilon(self) -> float:
-        """Largest probability of a false alarm in a flight, over the draw of the logs too."""
+        """Largest probability of a false alarm in a flight, averaged over sets of logs."""
         return 1.0 / (self.distinct + 1)
 
     def verify(self, runs: Sequence[Run] = ()) -> Verification:
-        """Find weights, limits and scores again, from what the file holds or from its logs."""
+        """Compute weights, limits and scores again, from the file's content or its logs."""
         if (n := self.distinct) < len(self.logs):
             reason = f"`logs` must be of different flights, got {n} among {len(self.logs)}"
             return Verification(valid=False, reason=reason)
@@ -367,7 +368,7 @@ class LogMonitor(Watching):
         try:
             moments = np.array([np.concatenate(log.moments) for log in self.logs])
             peaks = np.array([log.peaks for log in self.logs])
-        except ValueError:  # logs with different numbers of moments
+        except ValueError:  # the logs have different numbers of moments
             moments = peaks = np.zeros(0)
         models = self.logs[0].models
         n, wanted = len(self.logs), sum((len(model.terms) + 1) ** 2 for model in models)
@@ -375,7 +376,7 @@ class LogMonitor(Watching):
             return [Check(name="numbers of logs and models", margin=-1.0, exact=False)]
         products = [_products(models, log) for log in moments]
         checks = _agree(self.logs, _learned(models, products, peaks))
-        # No residual is below its root mean square where that is known.
+        # The largest residual is at least its root mean square, if this is known.
         plain = [i for i, x in enumerate(models) if x.terms[0] == "1" and not x.filtered]
         for i, log in enumerate(self.logs):
             for m in plain:
@@ -390,7 +391,7 @@ class LogMonitor(Watching):
         return checks
 
     def _checks_of(self, runs: Sequence[Run]) -> list[Check]:
-        """Whether the monitor is that of these logs."""
+        """Checks that the monitor belongs to these logs."""
         again = monitor_of_logs(runs).logs
         place = {log.digest: log for log in again}
         if "" not in {log.digest for log in self.logs}:
@@ -411,7 +412,7 @@ class LogMonitor(Watching):
         return _agree(self.logs, again)
 
     def not_about(self, run: Run) -> str:
-        """Why the claim says nothing of a run: it is simulated, or among those learned from."""
+        """Why the claim does not cover a run: it is simulated, or one of the learning logs."""
         if not run.provenance.log:
             return "it is simulated, learned from logs of real flights"
         if run.provenance.gains_name in {log.name for log in self.logs if not log.digest}:
@@ -432,7 +433,7 @@ class LogMonitor(Watching):
 
     @property
     def watches(self) -> tuple[watching.Watch, ...]:
-        """Models and limits without each of the logs, scaled to the largest score."""
+        """Models and limits without each log in turn, scaled to the largest score."""
         scale = max(SMALLEST, *(log.score for log in self.logs))
         return tuple(
             watching.Watch(
@@ -450,7 +451,7 @@ class LogMonitor(Watching):
 
 
 def load_monitor(path: str | Path) -> LogMonitor:
-    """Read a monitor of logs; an InputError names the file and what is wrong."""
+    """Read a monitor of logs; InputError names the file and the fault."""
     sealed_bytes(Path(path), "monitor", "make it again with flighttune monitor")
     with naming(path):
         arrays = read_arrays(Path(path), "monitor", {"monitor": TEXT}, MAX_BYTES, MAX_BYTES)
@@ -458,7 +459,7 @@ def load_monitor(path: str | Path) -> LogMonitor:
 
 
 def _overlap(run: Run, other: Run) -> bool:
-    """Whether two logs have some seconds of one file: its name, and its roll within 0.01 rad."""
+    """Whether two logs share some seconds of a file: equal name, and roll within 0.01 rad."""
     first, second = ((run.provenance.log or {}), (other.provenance.log or {}))
     if not first or not second or first["file"] != second["file"]:
         return False
@@ -469,7 +470,7 @@ def _overlap(run: Run, other: Run) -> bool:
 
 
 def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
-    """The monitor that learns from logs of healthy flights, or healthy parts of logs."""
+    """A monitor learned from logs of healthy flights, or healthy parts of logs."""
     if len(runs) < MIN_LOGS:
         raise InputError(f"`logs` must be at least {MIN_LOGS} healthy flights, got {len(runs)}.")
     refuse_wrong(*runs)
@@ -522,7 +523,7 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
 def _without_each(
     models: Sequence[watching.SignalModel], products: Sequence[Sequence[FloatArray]]
 ) -> list[tuple[watching.SignalModel, ...]]:
-    """The models that all logs but one teach, for each that is left out."""
+    """The models from all logs but one, for each left-out log."""
     logs = [*products]
     return [watching.taught(models, logs[:i] + logs[i + 1 :]) for i in range(len(logs))]
 
@@ -532,7 +533,7 @@ def _learned(
     products: Sequence[Sequence[FloatArray]],
     peaks: FloatArray,
 ) -> list[HealthyLog]:
-    """Models, limits and score of each log, by the moments and largest residuals of all."""
+    """Models, limits and score of each log, from the moments and largest residuals of all logs."""
     room, logs = np.array([model.room for model in models]), []
     for i, without in enumerate(_without_each(models, products)):
         limits = room * np.maximum(np.delete(peaks[i], i, axis=0).max(axis=0), SMALLEST)
@@ -551,7 +552,7 @@ def _learned(
 
 
 def _agree(stated: Sequence[HealthyLog], again: Sequence[HealthyLog]) -> list[Check]:
-    """Whether weights, limits and scores of logs are those that were found again."""
+    """Checks that weights, limits and scores of logs agree with their repeated computation."""
     checks = []
     for log, other in zip(stated, again, strict=True):
         for name, numbers in {
@@ -568,11 +569,11 @@ def _agree(stated: Sequence[HealthyLog], again: Sequence[HealthyLog]) -> list[Ch
 
 
 def _used(models: Sequence[watching.SignalModel], run: Run) -> FloatArray:
-    """The signals of a log that are judged, shape (samples, signals)."""
+    """The judged signals of a log, shape (samples, signals)."""
     names, first = watching.signals_of(models), round(SETTLED_S / watching.dt_of(run))
     return np.ascontiguousarray(run.signals[names].to_numpy(float)[first:], "<f8")
 
 
 def _digest(models: Sequence[watching.SignalModel], run: Run) -> str:
-    """SHA-256 of the signals of a log that are judged."""
+    """SHA-256 of the judged signals of a log."""
     return hashlib.sha256(_used(models, run).tobytes()).hexdigest()

@@ -1,4 +1,4 @@
-"""Counts of residual signals: bounds on what the identified model of an aircraft misses."""
+"""Counts of residual signals: bounds on the errors of an aircraft's identified model."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ SAME_TIME = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualSignals(Measured):
-    """What a model misses of a flight."""
+    """Residuals of a model in a flight."""
 
     model: ConformantModel
 
@@ -36,7 +36,7 @@ class ResidualSignals(Measured):
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Signals that a file states, of the model identified of a plant."""
+        """Signals from a file, for the identified model of a plant."""
         return cls._of_plant(about.signals, scenario, plant)
 
     @classmethod
@@ -49,7 +49,7 @@ class ResidualSignals(Measured):
         return residuals_of(self.model, run, start_condition(scenario))
 
     def lost(self, run: Run, scenario: Scenario) -> bool:
-        """Whether the path angle gave way to the airspeed, which the model does not know."""
+        """Whether airspeed priority changed the path angle, which the model does not include."""
         del scenario
         return bool(given_way(run).any())
 
@@ -57,14 +57,14 @@ class ResidualSignals(Measured):
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Residual(SignalBounds):
-    """Bounds on what the identified model of an aircraft misses: what `tube` takes.
+    """Bounds on the residuals of an aircraft's identified model, for `tube`.
 
-    They are of the rates of course and path angle (rad/s), and of roll and its change over a sample
+    They bound the rates of course and path angle (rad/s), and roll and its change over a sample
     (rad), actual minus model.
 
     Attributes
     ----------
-    about, flights, extremes, wind, endings, compiled, scores, scale : as of a `Band`
+    about, flights, extremes, wind, endings, compiled, scores, scale : as in a `Band`
 
     Examples
     --------
@@ -75,13 +75,13 @@ class Residual(SignalBounds):
 
     of: ClassVar[Of] = "residual"
     measures: ClassVar[type[Measured]] = ResidualSignals
-    # They last from a sample to the next, and have no window but that of its time.
+    # They hold from one sample to the next, and only the window of that time applies.
     rounding: ClassVar[float] = SAME_TIME
 
     @property
     def model(self) -> ConformantModel:
-        """The point mass behind a lag whose residuals they are."""
-        assert isinstance(self.measured, ResidualSignals)  # of a count of this kind
+        """The model of the residuals: a point mass behind a lag."""
+        assert isinstance(self.measured, ResidualSignals)  # in a count of this kind
         return self.measured.model
 
     @property

@@ -1,4 +1,4 @@
-"""Windows of flights, their extremes, and the shape of a band that is learned from these."""
+"""Windows of flights, their extremes, and the shape of a band learned from them."""
 
 from itertools import product
 from typing import TypeAlias
@@ -9,40 +9,40 @@ import numpy.typing as npt
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 
-# Most windows of a flight, and most numbers kept of all flights that are counted.
+# Maximum number of windows of a flight, and of numbers kept of all counted flights.
 MAX_WINDOWS, MAX_NUMBERS = 200, 2**27
 
-# Most windows of residual signals, which a tube adds up over time. Where a command moves they pass
-# through zero within some samples, and a longer window has their extremes at all of its times: of
-# the c172p, in 30 s, the boxes of 200 windows add up to 1.5 (course) and 1.8 times (path angle) as
-# much as those of 1000. Not known: the best number. With 500 the file of 1640 flights has 26 MB
-# before it is packed.
+# Maximum number of windows of residual signals, which a tube adds up over time. While a command
+# moves they cross zero within some samples, and a longer window has their extremes at all of its
+# times. For the c172p, in 30 s, the boxes of 200 windows add up to 1.5 (course) and 1.8 times (path
+# angle) as much as the boxes of 1000. Not known: the best number. With 500 the file of 1640 flights
+# has 26 MB before compression.
 MAX_RESIDUAL_WINDOWS = 500
 
-# Fewest learned flights that must have been completed.
+# Minimum number of completed learning flights.
 MIN_LEARNED = 10
 
-# Shapes that are tried: the part of the learned flights inside at each time, before it is scaled;
-# the windows whose flights a window takes, its neighbours' too or its own alone; and a constant
-# added to every half-width, as a share of the largest. Without a constant the band is narrow where
-# flights agree; with a large one it is equally wide at all times.
+# Trial shapes: the share of learning flights inside at each time before scaling; the number of
+# neighbouring windows that a window includes; and a constant added to every half-width, as a share
+# of the largest. Without a constant the band is narrow where flights agree; with a large constant
+# it is equally wide at all times.
 INSIDE = (0.98, 0.99, 0.995, 1.0)
 WINDOWS = (3, 1)
 ADDED = (0.0, 0.03, 0.06, 0.1, 0.2, 0.4, 0.8, 1.6)
 
-# Parts of the learned flights; a shape is learned from all but one of them, and scaled by that one.
+# Folds of the learning flights; a shape is learned from all folds but one, and scaled by this one.
 FOLDS = 5
 
-# Smallest half-width, as a share of the largest of its signal, and absolute: flights that agree to
-# the last digit need some width.
+# Minimum half-width, as a share of the signal's largest, and absolute, because flights may agree to
+# the last digit.
 LEAST_SHARE, LEAST = 1e-3, 1e-9
 
-# Flights scored at a time: those of the largest count do not fit into memory as doubles.
+# Number of flights scored at a time, since the largest count does not fit into memory as doubles.
 PART = 4096
 
 # Lowest and highest value of each signal in each window in single precision, shape (N, windows,
-# signals, 2) of N flights. A flight that was not completed, or whose position its distances from a
-# route do not give, has -inf and inf.
+# signals, 2) for N flights. A flight that was not completed, or whose distances from a route are
+# invalid, has -inf and inf.
 Extremes: TypeAlias = npt.NDArray[np.floating]
 
 
@@ -50,15 +50,15 @@ def window_edges(
     samples: int, flights: int, signals: int, *, most: int = MAX_WINDOWS
 ) -> npt.NDArray[np.intp]:
     """First samples of the windows of a flight, at most `most`, and the last sample of all."""
-    # There are fewer windows if so many flights are counted that their extremes would not fit.
+    # A large count has fewer windows, so that its extremes fit into memory.
     count = max(1, min(most, MAX_NUMBERS // (2 * flights * signals), samples - 1))
     return np.round(np.linspace(0, samples - 1, count + 1)).astype(np.intp)
 
 
 def window_extremes(values: FloatArray, edges: npt.NDArray[np.intp]) -> Extremes:
     """Extremes of one flight in windows, shape (windows, signals, 2), rounded outwards."""
-    # Windows include both of their edges. Without a row for the last sample, values last from a
-    # sample to the next and windows have their first edge alone.
+    # Windows include both of their edges. Without a row for the last sample, values hold from one
+    # sample to the next and windows include only their first edge.
     lasting = len(values) == edges[-1]
     before = values if lasting else values[:-1]
     low, high = (
@@ -66,7 +66,7 @@ def window_extremes(values: FloatArray, edges: npt.NDArray[np.intp]) -> Extremes
         for extreme in (np.fmin, np.fmax)
         for ends in [extreme.reduceat(before, edges[:-1])]
     )
-    # A signal without a value in a window may have had any.
+    # A signal without a value in a window may have had any value.
     outwards = [
         np.nextafter(np.nan_to_num(ends, nan=far).astype(np.float32), np.float32(far))
         for ends, far in ((low, -np.inf), (high, np.inf))
@@ -77,7 +77,7 @@ def window_extremes(values: FloatArray, edges: npt.NDArray[np.intp]) -> Extremes
 def scores_of(
     extremes: Extremes, wind: FloatArray, coefficients: FloatArray, half: FloatArray
 ) -> FloatArray:
-    """Scale at which each flight is just inside at all times; infinite if it was not completed."""
+    """Smallest scale at which each flight is inside at all times; infinite if not completed."""
     parts = [np.zeros(0)]
     for first in range(0, len(extremes), PART):
         part = slice(first, first + PART)
@@ -96,10 +96,10 @@ def learned_shape(
         raise InputError(
             f"`learn` must have {MIN_LEARNED} flights that are completed, got {len(extremes)}."
         )
-    # The middle is fitted by least squares. Of all shapes each signal takes the one that is
-    # narrowest after it is learned from some of the flights and scaled by the others: in its
-    # largest half-width and in its geometric mean over time. The scale is that of the last
-    # `epsilon` of the flights, so that all signals are left about equally often.
+    # The middle is fitted by least squares. Each signal takes the shape that is narrowest after
+    # learning from some flights and scaling by the others, in its largest half-width and its
+    # geometric mean over time. The scale excludes a share `epsilon` of the flights, so that flights
+    # leave all signals about equally often.
     middles = extremes.mean(axis=-1, dtype=float)
     fit, *_ = np.linalg.lstsq(_terms(wind), middles.reshape(len(middles), -1), rcond=None)
     coefficients = fit.reshape(-1, *middles.shape[1:])
@@ -113,8 +113,8 @@ def learned_shape(
 def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray]:
     """Centre and half-width of the narrowest shape of one signal, shape (windows,) each."""
     flights, best = np.arange(len(away)), (np.inf, 0.0, 0, 0.0, 0.0)
-    # In a window of its own all flights that agree in an extreme are exactly on its edge: their
-    # scores tie, and a count has fewer flights outside than it may.
+    # Without neighbours, all flights that agree in an extreme lie exactly on the edge: their scores
+    # tie, and a count then has fewer flights outside than allowed.
     agree = (np.ptp(away, axis=0) == 0.0).any()
     for inside, windows in product(INSIDE, WINDOWS[:1] if agree else WINDOWS):
         folds = [
@@ -130,9 +130,9 @@ def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray
             largest = np.sort(np.concatenate(scores).max(axis=1))[-1 - int(epsilon * len(away)) :]
             scale, log = np.mean(np.log(largest)), np.mean(logs, axis=0)
             # Logarithm of the largest half-width times the geometric mean, each at the scale. Not
-            # known: the best mean. A tube adds half-widths up, but with their arithmetic mean, or
-            # that and the largest, the sums of residual boxes differed by some percent, and not
-            # always for the better.
+            # known: the best mean. A tube adds half-widths up, but with their arithmetic mean,
+            # alone or with the largest, the sums of residual boxes differed by some percent, and
+            # not always for the better.
             width = 2.0 * scale + log.max() + log.mean()
             best = min(best, (width, inside, windows, added, scale))
     _, inside, windows, added, scale = best
@@ -141,20 +141,20 @@ def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray
 
 
 def _hull(away: FloatArray, inside: float, windows: int) -> tuple[FloatArray, FloatArray]:
-    """Centre and half-width with a share `inside` of flights below, and above, at each time."""
+    """Centre and half-width with a share `inside` of flights below and above, at each time."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     low = np.quantile(away[..., 0], 1.0 - inside, axis=0)
     high = np.quantile(away[..., 1], inside, axis=0)
-    # With 3 windows each also takes those of its neighbours: the quantiles of few flights are
-    # ragged in weather. In calm air this only spreads a peak over its neighbours.
+    # With 3 windows each includes its neighbours, because the quantiles of few flights are ragged
+    # in weather. In calm air this only spreads a peak to its neighbours.
     low = minimum_filter1d(low, windows, mode="nearest")
     high = maximum_filter1d(high, windows, mode="nearest")
     return 0.5 * (low + high), 0.5 * (high - low)
 
 
 def _widened(half: FloatArray, added: float) -> FloatArray:
-    """Half-widths with a share of the largest of them added."""
+    """Half-widths plus a share of the largest half-width."""
     largest = max(half.max(), LEAST)
     return np.maximum(half, LEAST_SHARE * largest) + added * largest
 

@@ -1,4 +1,4 @@
-"""Counts of flights that turn back: the room that they need beyond their route."""
+"""Counts of flights that turn back, and their room beyond the route."""
 
 import math
 from collections.abc import Iterable
@@ -25,18 +25,18 @@ from flighttune.routes.follow import SAME_PLACE
 from flighttune.routes.maps import Volume
 from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
 
-# Signals of flights that turn back, m, each the largest since they detected that they must: the
-# horizontal distance from the route, in any direction, and that of height from where they detected.
+# Signals of flights that turn back, m, each the maximum since detection: the horizontal distance
+# from the route in any direction, and the difference of height from the place of detection.
 ROOM = {"from_route": "m", "height": "m"}
 
-# Factors on the half-widths of `ROOM`: some metres of height more cost nothing, and the distance is
-# bounded by nearly its quantile.
+# Factors on the half-widths of `ROOM`: some more metres of height cost nothing, and the distance is
+# then bounded by nearly its quantile.
 HEIGHT_ROOM = np.array([1.0, 2.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoomSignals(Measured):
-    """How far flights come that turn back, each the largest value since they detected."""
+    """Largest distances of flights that turn back, since detection."""
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
@@ -46,7 +46,7 @@ class RoomSignals(Measured):
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Signals that a file states, which must be those of flights that turn back."""
+        """Signals from a file, which must belong to flights that turn back."""
         del plant
         if about.signals != ROOM:
             raise InputError(
@@ -59,12 +59,12 @@ class RoomSignals(Measured):
 
     @property
     def room(self) -> Floats:
-        """Factors on the half-widths that are learned."""
+        """Factors on the learned half-widths."""
         return HEIGHT_ROOM
 
     def values(self, run: Run, scenario: Scenario) -> FloatArray:
-        """The room that a flight has taken so far, shape (samples, 2)."""
-        del scenario  # the flight may have begun in level flight
+        """The room that a flight has used so far, shape (samples, 2)."""
+        del scenario  # the flight may have begun level
         return room_of(run, _turns(scenario_of(run)))
 
     def windows(
@@ -76,34 +76,34 @@ class RoomSignals(Measured):
 
 
 def _turns(scenario: Scenario) -> TurnBackTable:
-    """How flights turn back in a scenario; an InputError refuses one in which none does."""
+    """The turn back of flights in a scenario; InputError if its flights do not turn back."""
     if scenario.turn_back is None:
         raise InputError("`plan` must be of flights that turn back.")
     return scenario.turn_back
 
 
 class TurnRoom(NamedTuple):
-    """Room that a flight needs which turns back, m: no width and no height of a volume."""
+    """Room of a flight that turns back, m, added to the width and height of a volume."""
 
     from_route: float  # in any horizontal direction
     height: float  # above and below
 
     def around(self, geography: Volume, claim: str) -> Volume:
-        """The volume with this room around a flight geography, down to the ground at most."""
+        """The volume with this room around a flight geography, not below the ground."""
         width, high = geography.width + self.from_route, geography.high + self.height
         return Volume(width, max(geography.low - self.height, 0.0), high, claim)
 
 
-# How flights ended, in words of a sentence.
+# Words for the ends of flights.
 ENDED = {"no_trim": "without a steady flight at their start"}
 
-# How flights that turn back begin where their route has slopes.
+# Words for the start of flights that turn back on a slope.
 BEGUN = "begun in steady flight or, where there is none on a slope, in level flight before it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TurnBack(Counted):
-    """A count of how far flights come that turn back at any place of their route."""
+    """A count of the largest distances of flights that turn back at any place of their route."""
 
     of: ClassVar[Of] = "turn_back"
     measures: ClassVar[type[Measured]] = RoomSignals
@@ -111,12 +111,12 @@ class TurnBack(Counted):
 
     @property
     def room(self) -> TurnRoom:
-        """Room that its flights need, rounded up to whole metres."""
+        """Room of its flights, rounded up to whole metres."""
         return TurnRoom(*np.ceil(self._ends(np.zeros((1, 0)))[1][0]).tolist())
 
     @property
     def summary(self) -> str:
-        """The room in a line of a mission's answer, or why none is claimed."""
+        """The room in a line of a mission's answer, or why there is no claim."""
         if self.claims:
             begun = f" Its flights are {self.begun}." if self.begun else ""
             return f"Turning back takes {self.room.from_route:.0f} m beyond it.{begun}"
@@ -131,7 +131,7 @@ class TurnBack(Counted):
 
     @property
     def table(self) -> TurnBackTable:
-        """How its flights turn back."""
+        """Parameters of the turn back."""
         return _turns(self.flights.central)
 
     @property
@@ -144,17 +144,17 @@ class TurnBack(Counted):
 
     @property
     def begun(self) -> str:
-        """How flights begin on slopes, in words; empty without slopes, or of flighttune 0.4.0."""
+        """The start of flights on slopes, in words; empty without slopes, or in files of 0.4.0."""
         return BEGUN if self.table.or_level else ""
 
     def volumes(self, corridor: Band) -> dict[str, Volume]:
-        """The volumes around the route that these flights turn back from."""
+        """The volumes around the route of these flights."""
         if not (self.claims and isinstance(corridor, Band)):
             got = f"a {type(corridor).__name__}" if self.claims else "no claim of the room"
             raise InputError(f"volumes must be of a room and the band of its route, got {got}.")
-        # The flight geography is as wide and high as the corridor, a band along the route, at its
-        # widest. The contingency volume has the room to turn back around it, and the ground risk
-        # buffer once more the height of that over ground.
+        # The flight geography has the largest width and height of the corridor, a band along the
+        # route. The contingency volume adds the room to turn back, and the ground risk buffer adds
+        # the contingency volume's height over ground.
         planned = corridor.flights.route
         path, h_0 = planned.reference.path, planned.where[2]
         along, north, east, _, _, h, V_a, *_ = self.table.columns

@@ -1,4 +1,4 @@
-"""Flights that are counted by a verb: bands, residual signals and the tube in them, monitors."""
+"""Verbs that count flights: bands, residual signals with their tubes, and monitors."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -29,7 +29,7 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.logs.log import Columns
 
-# Epsilon, confidence and flights to learn from by default: of a band, and of a monitor.
+# Default epsilon, confidence and number of learning flights, of a band and of a monitor.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 MONITOR_EPSILON, MONITOR_CONFIDENCE, MONITOR_LEARN = 0.05, 0.95, 100
 
@@ -56,17 +56,17 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
 ) -> Band:
     """Bound signals by counting flights: a new one leaves the band with at most a probability.
 
-    The shape is learned from some flights, and its scale counted on fresh ones, which come after
-    them in the draws. All are random and independent, whatever the design of the campaign. The
-    claim holds for all signals at all times, for any law, plant and weather. By default 2140
-    flights are flown, on two cores 25 of 45 s a second.
+    The shape is learned from some flights, and its scale is counted on other flights, which follow
+    them in the draws. All are random and independent for any design of the campaign. The claim
+    holds for all signals at all times, for any law, plant and weather. By default 2140 flights are
+    flown; two cores fly 25 of 45 s per second.
 
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
-        A campaign (file, shipped name or folder), a scenario in which something is random or
-        `start_deg` is given, or the file of any count: its flights are not flown again. It keeps
-        what is counted more, and takes only another claim, `flights` and `out`.
+        A campaign (file, shipped name or folder), a scenario with something random or with
+        `start_deg`, or the file of any count, whose flights are not flown again. A count's file
+        accepts only another claim, `flights` and `out`; further flights are added to it.
     signals : iterable of str, optional
         Recorded signals to bound, by default chi_err and gamma_err, on a route cross_track and
         height_err.
@@ -75,18 +75,18 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     confidence : float, 1, optional
         Confidence of the claim, 0 to 1, by default 0.999, or the file's.
     flights : int, optional
-        Flights to count in all, by default as many as the claim needs with five of them outside
-        (1640). The count in a file grows to 2, 4, 8 ... times as many as were planned.
+        Flights to count in total, by default enough for the claim with five of them outside (1640).
+        The count in a file grows to 2, 4, 8 ... times the planned number.
     learn : int, optional
         Flights to learn the shape from, by default 500.
     predicted_from : {"wind"}, optional
-        Put the band around a middle that is predicted from the wind of each flight.
+        Put the band around a middle predicted from the wind of each flight.
     gains : str, optional
-        Gain set by name or file, by default the one tuned for the aircraft, else the first.
+        Gain set by name or file, by default the set tuned for the aircraft, else the first.
     plant : str, optional
         Label of the plant, by default the first aircraft, else the first.
     air : {"calm", "wind", "light", "moderate", "severe"}, optional
-        Air of all flights, of those of the campaign, by default as it draws them.
+        Air of all flights, from the classes in the campaign, by default as it draws them.
     seed : int, optional
         Seed of the draws, by default the campaign's.
     start_deg : float, deg
@@ -125,7 +125,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     (7, 0)
     """
     fliers = Fliers(**by)
-    if kept := written(source, BAND):  # of any kind of count
+    if kept := written(source, BAND):  # a file of any kind of count
         options = {"signals": signals, "learn": learn, "predicted_from": predicted_from}
         options |= {"gains": gains, "plant": plant, "air": air, "seed": seed is not None}
         for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
@@ -138,7 +138,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
             if flights is not None:
                 with WorkerPool(fliers) as pool:
                     kept = count_more(kept, flights, pool)
-                # Whatever else is written: its readings are those of its file.
+                # Under any output name, because the file determines its readings.
                 keep_on_error(Path(str(source)))
                 kept.save(str(source))
                 out = out or str(source)
@@ -186,9 +186,9 @@ def residual(
     changes: Mapping[str, Any] | None = None,
     **by: Unpack[FlownBy],
 ) -> Residual:
-    """Bound what the identified model of an aircraft misses, by counting flights: boxes of a tube.
+    """Bound the residuals of an aircraft's identified model by counting flights: boxes of a tube.
 
-    They are counted as a `band` is, from the same draws, and bound in place of recorded signals the
+    They are counted like a `band`, from the same draws. Instead of recorded signals they bound the
     rates of course and path angle (rad/s), roll and its change over a sample (rad), actual minus
     model.
 
@@ -197,9 +197,9 @@ def residual(
     source : Flights, Scenario, Campaign, Plan, str or Path
         Flights as `flights` takes them, of an aircraft with an identified model.
     epsilon, confidence, flights, learn, gains, plant, air, seed, start_deg, changes : optional
-        They have the meaning that they have for `band`.
+        As for `band`.
     workers, scheduler, observer : optional
-        They fly and watch as for `band`.
+        As for `band`.
 
     Returns
     -------
@@ -240,32 +240,32 @@ def tube(
     """Enclose all flights of a scenario with one gain set, limits included.
 
     This takes seconds for the law (11 s of one core for ``paper``) and minutes for an aircraft or a
-    box of starts; memory and time grow with the pieces that limits split the set into.
+    box of starts; memory and time grow with the number of pieces into which limits split the set.
 
     Parameters
     ----------
     scenario : Scenario, str or Path
-        A scenario with a reference over time; also a file, or the name of a shipped one.
+        A scenario with a reference over time; also its file, or the name of a shipped scenario.
     gains : PIGains or str, optional
         Gains of the paper's or of the exact law, or a gain set by name or file, by default the
         first of the scenario.
     boxes : Residual, optional
-        What the model of an aircraft misses, ``ft.residual(...)``: flights of its identified model
-        with these residuals are then enclosed. By default, for a `plant` that is an aircraft, those
-        of the scenario's flights from starts within `start` are counted.
+        Residuals of an aircraft's model, ``ft.residual(...)``: flights of its identified model with
+        these residuals are then enclosed. By default, for a `plant` that is an aircraft, they are
+        counted on the scenario's flights from starts within `start`.
     plant : str, optional
         Label of the plant, by default the first that is not an aircraft, with boxes the first
         aircraft.
     start : float, rad
         Half-width of the start range in course and path angle.
     disturbance : float, rad/s, optional
-        Bound on the disturbance of each rate, of any shape; by default that of the scenario.
+        Bound on the disturbance of each rate, of any shape; by default the scenario's disturbance.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     progress : callable, optional
         Called with the share of time that is enclosed, 0 to 1.
     observer : CampaignObserver, optional
-        Receives the progress of flights that are counted; may stop them.
+        Receives the progress of counted flights; may stop them.
 
     Returns
     -------
@@ -275,9 +275,9 @@ def tube(
     Raises
     ------
     InputError
-        If no tube knows the air or the plant, or the boxes are of other flights.
+        If tubes do not know the air or the plant, or the boxes belong to other flights.
     InfeasibleError
-        If tuning finds no such gains, or no tube knows the law.
+        If tuning finds no such gains, or tubes do not know the law.
 
     Examples
     --------
@@ -324,20 +324,20 @@ def monitor(  # noqa: PLR0913 - as `band`
     """Count how often a monitor of flights raises a false alarm, or learn one from logs.
 
     Some healthy flights teach the expected airspeed, elevator, climb, roll and turn from signals
-    that an autopilot has, and limits of the differences; the limits are scaled on fresh flights. A
-    new flight without a fault raises an alarm with at most a probability, for this aircraft, law,
-    air and these speeds. By default 308 flights are flown; two cores fly about four of 45 s in a
-    second.
+    that an autopilot has, and limits of the differences; the limits are scaled on other flights. A
+    new flight without a fault raises an alarm with at most a stated probability, for this aircraft,
+    law, air and these speeds. By default 308 flights are flown; two cores fly about four of 45 s
+    per second.
 
-    From logs of real flights it learns by the signals that all of them have. Each log is left out
-    once, and scored by what the others teach: n logs allow a probability of a false alarm of
-    1/(n + 1), on average over such sets of logs.
+    From logs of real flights it learns by the signals that all logs have. Each log is left out once
+    and scored by the models of the others: n logs allow a probability of a false alarm of 1/(n +
+    1), on average over such sets of logs.
 
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, Run, str or Path
-        A campaign, a mission, a scenario in which something is random or `start_deg` is given, or
-        the log of a healthy flight (.ulg, .bin, .tlog, .csv), ``@START:END`` for a part in s.
+        A campaign, a mission, a scenario with something random or with `start_deg`, or the log of a
+        healthy flight (.ulg, .bin, .tlog, .csv), ``@START:END`` for a part in s.
     logs : Run, str or Path
         Further logs of healthy flights of the same aircraft, at least two.
     epsilon : float, 1
@@ -345,11 +345,11 @@ def monitor(  # noqa: PLR0913 - as `band`
     confidence : float, 1
         Confidence of the claim, 0 to 1, by default 0.95.
     flights : int, optional
-        Flights to count, by default as many as the claim needs with five alarms (208).
+        Flights to count, by default enough for the claim with five alarms (208).
     learn : int
-        Flights to learn from, one half the weights and the other the limits, by default 100.
+        Learning flights, one half for the weights and the other for the limits, by default 100.
     columns : mapping or sequence
-        Where logs have their signals, as for `load_log`.
+        Columns of the signals in logs, as for `load_log`.
     gains, plant, air, seed, start_deg, changes, out : as for `band`
     run_code, workers, scheduler, observer : as for `band`
 
@@ -362,19 +362,18 @@ def monitor(  # noqa: PLR0913 - as `band`
     Raises
     ------
     InputError, ScenarioError
-        If `band` raises one, or logs are too few, too short, not different or contradict
-        themselves.
+        As in `band`, or if logs are too few, too short, equal or contradict themselves.
     RecordingError
-        If a file is no log of a flight.
+        If a file is not the log of a flight.
     StoppedError
         If the observer stopped the flights.
 
     Notes
     -----
     A residual is a signal, behind a lag of 0.5 s, minus the weighted sum of its terms behind the
-    same lag; of elevator and power also minus its own past. The score of a flight is the largest
-    residual so far over its limit, so that one number is counted for a flight (Wilks, as for
-    `band`). Of a log the first 8 s are not judged.
+    same lag; for elevator and power also minus its own past. The score of a flight is the running
+    maximum of the residual divided by its limit, so that one number is counted for a flight (Wilks,
+    as for `band`). The first 8 s of a log are not judged.
 
     Examples
     --------

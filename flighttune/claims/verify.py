@@ -1,4 +1,4 @@
-"""What files hold, and the check of claims: certificates, bounds on R_K, tubes and bands."""
+"""Content of files, and checks of claims: certificates, bounds on R_K, tubes and bands."""
 
 import math
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ CHOSEN = (
 def verified_band(
     band: Counted, *, count: int | None = None, run_code: bool = False, fliers: Fliers
 ) -> Verification:
-    """Fly all flights learned from again, and `count` of those counted, chosen at random."""
+    """Repeat all learning flights, and `count` of the counted flights at random."""
     counted, about = len(band.scores), band.about
     again = min(flights_again(about.epsilon), counted) if count is None else count
     draws, forged = counting.some_draws(band, again), math.ceil(about.epsilon * counted)
@@ -90,10 +90,10 @@ Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim
 
 
 def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
-    """Read what flighttune wrote, or a log; what it is, is read from its content.
+    """Read a file that flighttune wrote, or a log; its content shows its kind.
 
-    Nothing in the file of a claim is proven again, as `verify` does. The scale of a band is
-    computed again from its flights.
+    Claims are not proven again; `verify` does this. The scale of a band is computed again from its
+    flights.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
         file of a certificate, a bound on R_K, a tube, a band or a monitor; or the log of a real
         flight, ``LOG@START:END`` for a part of it in s.
     columns : mapping or sequence
-        Where a log has its signals, as for `load_log`.
+        Columns of the signals in a log, as for `load_log`.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
     Raises
     ------
     InputError, RecordingError
-        If there is no such file, it is of another kind, or it does not support what it claims.
+        If the file does not exist, has another kind, or does not support its claim.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
 
 
 def load_residual(boxes: Residual | str | Path) -> Residual:
-    """The count of residual signals in a file, or itself; an InputError refuses another claim."""
+    """A count of residual signals, from a file or a value; InputError for another claim."""
     counted = load_one(boxes, "file of residual signals", BAND)
     if not isinstance(counted, Residual):
         place = f"{boxes}: " if isinstance(boxes, str | Path) else ""
@@ -143,9 +143,9 @@ class Verified(Answering):
     ----------
     claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor or LogMonitor
     verification : Verification
-        Its checks, and the first that fails.
+        Its checks, and the first failure.
     source : str
-        The file that the claim was read from; empty for a value.
+        The file of the claim; empty for a value.
 
     Examples
     --------
@@ -170,7 +170,7 @@ class Verified(Answering):
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Every inequality or inclusion of a proof, with its margin; none of a band."""
+        """Every inequality or inclusion of a proof, with its margin; empty for a band."""
         return self.verification.checks
 
 
@@ -189,36 +189,35 @@ def verify(
 
     A certificate and a bound on R_K are checked in rational arithmetic without any solver, in
     seconds. A tube is proven again without the search that found it, in a fraction of its time.
-    The claim of a band, also of one that confirms the boxes of a tube, is computed again from its
-    plan and what its file keeps of each flight. All flights that its shape was learned from are
-    flown again, and of those counted some that are chosen at random, and every suspicious copy. A
-    band of 500 flights learned from and 1640 counted takes a third of the time of its count.
-    Weights, limits and scores of a monitor of logs are found again from what its file holds of each
-    log, or from the logs.
+    The claim of a band, also of a band for the boxes of a tube, is computed again from its plan and
+    the numbers of each flight in its file. All learning flights are flown again, together with
+    random counted flights and every suspicious copy. A band of 500 learning and 1640 counted
+    flights takes a third of the time of its count. Weights, limits and scores of a monitor of logs
+    are computed again from its file's numbers of each log, or from the logs.
 
     Parameters
     ----------
     claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor, LogMonitor, str or Path
-        A claim, or its file; what it is, is read from its content.
+        A claim, or its file; the content shows its kind.
     boxes : Residual, str or Path, optional
         Residual signals that confirm the boxes of an aircraft's tube.
     logs : sequence of Run, str or Path
-        All logs that a monitor of logs learned from.
+        All learning logs of a monitor of logs.
     columns : mapping or sequence
-        Where these logs have their signals, as for `load_log`.
+        Columns of the signals in these logs, as for `load_log`.
     count : int, optional
-        Counted flights to fly again, by default so many that as many invented ones as double
-        epsilon are found with a probability of 95 %: 59 at 5 % and 299 at 1 %. A note states the
+        Number of counted flights to repeat. By default invented flights that would double epsilon
+        are found with a probability of 95 %: 59 flights at 5 % and 299 at 1 %. A note states the
         probability of missing them.
     run_code : bool
-        Run the Python files that a band, a recording or a campaign names, to fly its flights again.
-        Without it they are not flown: such a band is not checked, and not valid.
+        Run the Python files that a band, a recording or a campaign names, to repeat its flights.
+        Without it they are not flown, and such a band is not checked and not valid.
     workers, scheduler, observer : as for `band`
 
     Returns
     -------
     Verified
-        `valid`, or the `reason` why not: the inequality, the sample or the flight.
+        `valid`, or the `reason` of a failure: the inequality, the sample or the flight.
 
     Raises
     ------
@@ -245,9 +244,9 @@ def verify(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Again:
-    """What may be flown or read again to check a claim."""
+    """Options for repeated flights and logs in the check of a claim."""
 
-    count: int | None  # counted flights, chosen at random
+    count: int | None  # number of random counted flights
     run_code: bool
     fliers: Fliers
     logs: Sequence[Run] = ()
@@ -255,7 +254,7 @@ class Again:
 
 @singledispatch
 def verification_of(claim: Certificate | RateBound, again: Again) -> Verification:
-    """The checks of a claim; those of a certificate or bound need its numbers alone."""
+    """The checks of a claim; a certificate or bound needs only its numbers."""
     del again
     return claim.verify()
 
@@ -281,7 +280,7 @@ def _of_tube(claim: Tube, again: Again) -> Verification:
 @singledispatch
 def stale_notes(claim: AnyClaim) -> list[str]:
     """A sentence for aircraft or models whose files have changed since a proof was made."""
-    del claim  # a bound is of any aircraft, a band flies its own again
+    del claim  # a bound covers any aircraft, and a band repeats its own flights
     return []
 
 
@@ -294,12 +293,12 @@ def _of_files(claim: Certificate | Tube) -> list[str]:
     ]
 
 
-# Flights that claims can be drawn around.
+# Types of flights that can have claims around them.
 T = TypeVar("T", FlownScenario, Gap, Source)
 
 
 def within(flights: T, files: Sequence[str | Path]) -> T:
-    """Flights with the claims in files around them; an InputError names the file."""
+    """Flights with the claims from files around them; InputError names the file."""
     for file in files:
         with naming(file):
             flights = flights.within(load_one(file, ABOUT_FLIGHTS, *AROUND_FLIGHTS))

@@ -1,1 +1,1 @@
-"""The set of all errors that the flights of a scenario can have, proven: docs/tube.md."""
+"""Proven bounds on all errors that the flights of a scenario can have: docs/tube.md."""

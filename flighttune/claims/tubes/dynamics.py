@@ -2,10 +2,10 @@ r"""The exact point mass and its inner loop over one sample, for a whole set of 
 
 The rates ``(g/V) n_z sin(phi)/cos(gamma)`` and ``(g/V)(n_z cos(phi) - cos(gamma))`` are linear in
 (phi, n_z, gamma) about the middle of all values of the sample, plus a remainder of second order.
-The linear part needs the means of the three over the sample. Those of roll and load factor are
-known; that of gamma is ``gamma + (h/2) G + e``, G the mean of its rate and ``|e|`` at most h/4
-times how far apart the rate can be, because e is the integral of ``(h/2 - t)/h`` times what the
-rate differs from its mean. The inner loop is linear: its matrices over a sample are exact.
+The linear part needs the means of the three over the sample. The means of roll and load factor are
+known. The mean of gamma is ``gamma + (h/2) G + e``, with G the mean of its rate and ``|e|`` at most
+h/4 times the width of the rate's range, because e is the integral of ``(h/2 - t)/h`` times the rate
+minus its mean. The inner loop is linear, and its matrices over a sample are exact.
 """
 
 import math
@@ -27,38 +27,38 @@ LEAST_TERMS = 12
 # Boxes tried for the values within a sample
 PICARD = 30
 
-# Outdoes the rounding of a sum of a dozen products, relative to the sum of their sizes
+# Exceeds the rounding of a sum of a dozen products, relative to the sum of their sizes
 ROUNDING = 1e-13
 
-# Part of its width by which a box is widened before it is tried again
+# Share of its width by which a box grows before the next try
 WIDER = 0.05
 
-# Steps within a sample, times the sample time and the norm of A
+# Number of steps within a sample, per sample time and norm of A
 SHORT = 3.0
 
 # Sum of a geometric series of 1/`SHORT`
 FURTHER = 1.0 / (1.0 - 1.0 / SHORT)
 
-# Widening of a box that is tried, for one that has no width
+# Widening of a trial box without width
 SLACK = 1e-9
 
-# Bound on what the exponential series leaves out
+# Bound on the truncated part of the exponential series
 REMAINDER = Fraction(1, 10**22)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampledLag:
-    """A lag with delay from one sample to the next, n states and m commands in force."""
+    """A lag with delay from one sample to the next, with n states and m commands in force."""
 
     # `A` and `B` (shapes (n, n) and (n,)): matrices of the lag; its first state is the response
     A: FloatArray
     B: FloatArray
     # shape (n, n + 2): state after the sample, of state, older and newer command
-    # All entries are the exact ones, rounded once.
+    # All entries are exact up to one rounding.
     transition: FloatArray
-    mean: FloatArray  # shape (n + 2,): mean of the response over the sample, of the same
-    # Delay in whole samples: the newer command in force was given so many samples before, the older
-    # command one sample earlier.
+    mean: FloatArray  # shape (n + 2,): mean of the response over the sample, from the same
+    # Delay in whole samples: the newer command in force was given this number of samples before,
+    # and the older command one sample earlier.
     older: int
 
     @classmethod
@@ -88,14 +88,13 @@ class SampledLag:
     def values_within(
         self, state: list[Interval], end: Interval, command: Interval, h: float
     ) -> Interval:
-        """All values of the response over a sample of `h` seconds; Unbounded if not enclosed.
+        """All values of the response over a sample of `h` seconds; Unbounded on failure.
 
-        `state` is that at the start, `end` the response at the end, `command` what is in force
-        within. The response leaves the straight line from start to end by at most h/4 times how far
-        apart its rate can be. The rate is bounded by a box Y of states with
-        ``y + [0, t] (A Y + B u)`` inside Y: Picard's operator maps the curves in it into itself.
-        There is such a box where t times the norm of A is well below 1, so a sample is taken in
-        some steps.
+        `state`: at the start; `end`: the response at the end; `command`: in force within the
+        sample. The response leaves the straight line from start to end by at most h/4 times the
+        width of its rate's range. A box Y of states with ``y + [0, t] (A Y + B u)`` inside Y bounds
+        the rate: Picard's operator maps the curves in it into itself. Such a box exists if t times
+        the norm of A is well below 1, so a sample is divided into steps.
         """
         n = self.order
         box = np.stack([getattr(interval, end) for end in ("low", "high") for interval in state])
@@ -114,11 +113,11 @@ class SampledLag:
         return state[0].hull(end) + Interval(-margin, margin)
 
     def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray:
-        """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""
+        """A box of all states up to `t` (s) from an initial box: lower ends, then upper ends."""
         n, sizes = self.order, np.abs(self.A)
         outwards = np.repeat([-1.0, 1.0], n)[:, np.newaxis]
-        # The first box: the rates at the start, the rates these cause, and a geometric bound on the
-        # rest. Mostly it holds at once.
+        # The first box uses the rates at the start, the rates that these cause, and a geometric
+        # bound on the rest. It usually works at once.
         by = t * self._rates(start, pushed)
         further = t * (sizes @ np.maximum(np.abs(by[:n]), np.abs(by[n:])))
         further += FURTHER * t * (sizes @ further) + SLACK
@@ -135,7 +134,7 @@ class SampledLag:
         raise Unbounded("a lag moves too far in a sample to be enclosed")
 
     def _rates(self, box: FloatArray, pushed: FloatArray) -> FloatArray:
-        """Values of ``A Y + B u``, as those of Y: lower ends, then upper ones."""
+        """Values of ``A Y + B u``, like Y: lower ends, then upper ends."""
         n, sizes = self.order, np.abs(box)
         up, down = np.maximum(self.A, 0.0), np.minimum(self.A, 0.0)
         rounding = ROUNDING * (np.abs(self.A) @ np.maximum(sizes[:n], sizes[n:]))
@@ -149,13 +148,13 @@ class SampledLag:
 
 
 def _exponential(M: Rationals, t: Fraction) -> Rationals:
-    """``exp(M t)`` but for less than `REMAINDER` an entry."""
+    """``exp(M t)`` with an error below `REMAINDER` per entry."""
     size = max(sum(abs(entry) for entry in row) for row in M) * t
     total = term = identity(len(M))
-    # Entries to 1e-40: their length would grow with every product.
+    # Entries are rounded to 1e-40, because their length would grow with every product.
     shortened = np.vectorize(lambda x: Fraction(round(x * 10**40), 10**40), otypes=[object])
-    # The bound on the terms left out holds once n + 1 is above the norm.
-    # They are below ``x^n/n! / (1 - x/(n+1))``, x the norm of ``M t``.
+    # The bound on the truncated terms holds once n + 1 is above the norm.
+    # These are below ``x^n/n! / (1 - x/(n+1))``, with x the norm of ``M t``.
     n, remainder = 0, Fraction(1)
     while n < LEAST_TERMS or size >= n or remainder / (1 - size / (n + 1)) > REMAINDER:
         n += 1
@@ -181,12 +180,12 @@ class Point(NamedTuple):
 
     @property
     def turn(self) -> Interval:
-        """Rate of the course over g/V."""
+        """Rate of the course divided by g/V."""
         return self.n_z * self.s / self.level
 
     @property
     def climb(self) -> Interval:
-        """Rate of the flight-path angle over g/V."""
+        """Rate of the flight-path angle divided by g/V."""
         return self.n_z * self.c - self.level
 
 
@@ -202,12 +201,13 @@ def point_mass_sample(
 ) -> tuple[Form, Form, FloatArray]:
     """Course and flight-path angle one sample of `h` seconds later, under the disturbances `d`.
 
-    `phi` and `n_z` have the form of the mean over the sample, and all values in it. Also returned
-    is the largest difference of a rate within the sample, shape (2,), rad/s.
+    `phi` and `n_z` have the form of the mean over the sample, and all values in it. Also returns
+    the largest difference of a rate within the sample, shape (2,), rad/s.
     """
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
     start_rate = Point.of(phi.values, n_z.values, gamma.values).climb * g_over_v + d_gamma
-    # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
+    # The rate's slope in gamma is at most g/V, so it changes by less than 2 h g/V of itself in a
+    # sample.
     path = gamma.values + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
     ranges = phi.values, n_z.values, path
     middles = [each.middle for each in ranges]
@@ -220,22 +220,23 @@ def point_mass_sample(
     ) -> tuple[Form, FloatArray]:
         """The mean rate, linear in the three forms, with gamma as at the start; its slope in gamma.
 
-        `rate` and `slopes` are those at the middles, `remainder` encloses the terms of second
-        order; all three are over g/V.
+        `rate` and `slopes` are taken at the middles, and `remainder` encloses the terms of second
+        order; all three are divided by g/V.
         """
         rest, terms = rate * g_over_v + remainder * g_over_v, []
         for slope, form, m, radius in zip(
             slopes, (phi.form, n_z.form, gamma.form), middles, radii, strict=True
         ):
-            # Any float near the slope does: the rest of the slope times the radius is in `rest`.
+            # Any float near the slope works, because `rest` has the rest of the slope times the
+            # radius.
             scaled = slope * g_over_v
             number = scaled.middle
             rest = rest - Interval.point(number) * m + (scaled - number) * within(radius)
             terms.append((number, form))
         return combined(*terms, shift=rest), terms[-1][0]
 
-    # Of second order: half the second derivatives times squares, the mixed ones times products.
-    # Both rates are linear in n_z, which has no square.
+    # Second order: half the second derivatives times squares, mixed derivatives times products.
+    # Both rates are linear in n_z, so n_z has no square.
     lift = middle.n_z / middle.level
     turning, turn_bend = mean_rate(
         middle.turn,
@@ -256,7 +257,7 @@ def point_mass_sample(
     apart = h * 0.5 * rate.radius * UP
     climbing = combined((1.0, climbing), shift=d_gamma.middle)
     climbing = climbing.widened(d_gamma.radius + np.abs(bend) * apart * UP)
-    # The mean rate G of gamma is on both sides, because the mean of gamma has (h/2) G: solved for.
+    # The mean of gamma contains (h/2) G, so the equation is solved for its mean rate G.
     climbing = combined((1.0 / (1.0 - 0.5 * h * bend), climbing))
     turning = combined((1.0, turning), (0.5 * h * turn_bend, climbing), shift=d_chi.middle)
     turning = turning.widened(d_chi.radius + np.abs(turn_bend) * apart * UP)

@@ -1,4 +1,4 @@
-"""A tube: bounds proven for all flights of a problem, what they say, and their file."""
+"""A tube: proven bounds for all flights of a problem, their claim, and their file."""
 
 import json
 from collections.abc import Mapping
@@ -41,36 +41,36 @@ from flighttune.flight.scenario.load import scenario_from, scenario_of
 from flighttune.gaps.residual import RESIDUALS
 from flighttune.vehicles.identification.file import changed_files, files_of
 
-# Why a tube is wrong that its own flight leaves
+# Reason if the problem's own flight leaves the tube
 LEFT = "a flight leaves the tube, so it is wrong and no file is written"
 
-# Relative rounding of numbers in a scenario that was written and read again.
+# Relative tolerance for numbers of a scenario that was written and read again.
 ROUNDING = 1e-12
 
-# Rad by which the ends of a range are rounded where it is added to a start.
+# Tolerance for the rounding of a start plus its range, rad.
 ROUNDING_RAD = 1e-14
 
-# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
-# reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by
-# up to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg.
+# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the rebuilt
+# reference. An optimiser makes it, and its last digits differ between machines: by up to 5.3e-9 for
+# changes of inputs by 1e-14. The tolerance is 0.00006 deg; tubes are wider than 0.001 deg.
 SAME_REFERENCE = 1e-6
 
-# Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
-# another order.
+# Margin, rad and 1, of the bounds in a file over the proven bounds, because another machine may add
+# up in another order.
 BOUND_MARGIN = 1e-9
 
-# Sizes of all members and of a file above which it is not read: three and five times those of the
-# largest tube known, of an aircraft in the paper's step.
+# Maximum sizes of all members and of a file: three and five times the largest known tube, of an
+# aircraft in the paper's step.
 MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
 
-# Numbers above which a proof would only take up time and memory; samples are those of a round.
+# Maximum numbers in a proof, which bound its time and memory; samples count per round.
 MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
 
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
 EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
 
-# Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
-# of `EVER` with a set that is kept.
+# Arrays that a file may have, and their types. Only `ALWAYS` are required; `EVER` belong to an
+# invariant set.
 MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
 
 
@@ -79,9 +79,9 @@ class Settings:
     """Settings of an enclosure."""
 
     sides: Annotated[int, Field(ge=1, le=64)]  # pieces of the starts along each axis
-    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]  # most symbols of a piece
+    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]  # maximum symbols of a piece
     tolerance: float  # see `Search`
-    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]  # most pieces, see `Search`
+    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]  # maximum pieces, see `Search`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,9 +95,9 @@ class Claim:
     disturbance_rad_s: float | None
     law: str
     settings: Settings
-    # First sample of the set that is kept, and number of samples that map it into itself
+    # First sample of the invariant set, and number of samples that map it into itself
     hand_over: tuple[int, Annotated[int, Field(ge=1, le=MAX_SAMPLES)]] | None
-    # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
+    # See `AircraftBoxes`; without lags and hash unless the plant is an aircraft
     lags: tuple[InnerLag, ...]
     band_sha256: str | None
     files: Mapping[str, str] = field(default_factory=dict)  # see `Tube`
@@ -112,9 +112,9 @@ class Claim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CountedProbability:
-    """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
+    """The probability that a flight of the counted distribution leaves a tube or its boxes."""
 
-    of: Literal["flight", "residual_rates"]  # a flight leaves the tube, or rates their boxes
+    of: Literal["flight", "residual_rates"]  # the event in words
     at_most: float
     confidence: float
 
@@ -135,30 +135,30 @@ class CountedProbability:
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Answering):
-    """Bounds that hold for every flight of a problem: a claim that is proven.
+    """Bounds that hold for every flight of a problem: a proven claim.
 
     Attributes
     ----------
     problem : TubeProblem
-        The flights enclosed.
+        The enclosed flights.
     status : {"bounded", "unbounded"}
-        Whether the bounds last for the whole time.
+        Whether the bounds hold for the whole time.
     reason : str
-        Time and cause where they do not.
+        Time and cause if they do not.
     bounds : Bounds
-        Bounds on the errors (rad) and the commands (rad and 1) up to where they last. The errors
-        stay between the straight lines from sample to sample, measured to the reference that moves
-        straight as well.
+        Bounds on the errors (rad) and the commands (rad and 1) as long as they hold. The errors
+        stay between the straight lines from sample to sample, relative to a reference that is also
+        linear between samples.
     can_limit : ndarray of bool, shape (k, 2)
         Whether a limit can hold the command of roll and of load factor.
     settings : Settings
         How the enclosure was made.
     chosen : ndarray of float32, shape (n,)
-        Choices that make the proof short: slopes, splits, symbols given up.
+        Choices that shorten the proof: slopes, splits and removed symbols.
     hand_over : HandOver or None
-        Set in which the flights stay for ever; None where no such set was found.
+        Invariant set of the flights; None if no such set was found.
     files : mapping of str to str
-        Of a tube from a file: SHA-256 of the files of its aircraft or identified model, by name.
+        For a tube from a file: SHA-256 of the files of its aircraft or identified model, by name.
 
     Examples
     --------
@@ -182,7 +182,7 @@ class Tube(Answering):
 
     @property
     def half_widths(self) -> dict[str, dict[str, float | None]]:
-        """Half-widths of both errors in deg: the largest, at the end, and for ever after."""
+        """Half-widths of both errors in deg: maximum, at the end, and at all later times."""
         widths = self.bounds.half_widths * DEG_PER_RAD
         ever = self.hand_over and 0.5 * DEG_PER_RAD * np.ptp(self.hand_over.bounds, axis=1)
         return {
@@ -197,7 +197,7 @@ class Tube(Answering):
 
     @property
     def sentence(self) -> str:
-        """The claim in words: which flights stay within which bounds, and on what it rests."""
+        """The claim in words: flights, bounds and assumptions."""
         problem = self.problem
         if self.status != "bounded":
             return f"nothing is claimed of the flights of {problem.model}: {self.reason}"
@@ -222,7 +222,7 @@ class Tube(Answering):
         return words if self.probability is None else f"{words}; {self.probability.sentence}"
 
     def why_not(self, run: Run) -> str:
-        """Why the tube says nothing of a run; empty if the run is one of its flights."""
+        """Why the tube does not cover a run; empty if the run is one of its flights."""
         problem, made = self.problem, run.provenance
         if self.status != "bounded":
             return f"the set is not bounded: {self.reason}"
@@ -254,7 +254,7 @@ class Tube(Answering):
         return ""
 
     def _allows(self, key: str, flown: Any, enclosed: Any) -> bool:
-        """Whether a value of a scenario is one of those that the tube encloses."""
+        """Whether the tube encloses a value of a scenario."""
         if flown == enclosed:
             return True
         if key in STARTS and isinstance(flown, float | int) and isinstance(enclosed, float | int):
@@ -262,7 +262,7 @@ class Tube(Answering):
         if key == "disturbance.as_wind":
             return not flown
         if key.startswith("disturbance."):
-            # Of any shape, as long as it is within the bound of its channel.
+            # A disturbance of any shape within the bound of its channel.
             bounds = self.problem.disturbances[1].max(axis=0)
             channel, _, quantity = key.removeprefix("disturbance.").partition("_")
             bound = dict(zip(CHANNEL_SYMBOLS, bounds, strict=True)).get(channel, 0.0)
@@ -281,24 +281,24 @@ class Tube(Answering):
         )
 
     def verify(self) -> Verification:
-        """Prove every sample again from the choices in the tube, without the search for them."""
+        """Prove every sample again from the choices in the tube, without a search."""
         problem, settings = self.problem, self.settings
         starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
         return replay(problem, starts, self.chosen, self.bounds, self.can_limit, self.hand_over)
 
     @property
     def handed_over(self) -> float | None:
-        """Time from which on the flights are in a set that they never leave, s."""
+        """Time from which the flights are in the invariant set, s."""
         dt = 1.0 / self.problem.scenario.controller.rate_hz
         return None if self.hand_over is None else self.hand_over.sample * dt
 
     @property
     def probability(self) -> CountedProbability | None:
-        """Probability counted for an aircraft; None without its band, and for a tube that is lost.
+        """Counted probability for an aircraft; None without its band, or for an unbounded tube.
 
-        It speaks of flights where the tube is from all starts counted, and these are the only
-        difference between the flights. Otherwise it speaks of the residual rates alone: most
-        flights do not even start inside a tube from one start.
+        It covers flights if the tube has all counted starts and the flights differ in nothing else.
+        Otherwise it covers only the residual rates, because most flights do not even start inside a
+        tube from one start.
         """
         problem, band = self.problem, self.problem.band
         if band is None or self.status != "bounded":
@@ -355,7 +355,7 @@ class Tube(Answering):
 
 
 def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
-    """Bounds on `QUANTITIES` from lower and upper ones, shape (k, 4, 2)."""
+    """Bounds on `QUANTITIES` from lower and upper bounds, shape (k, 4, 2)."""
     return Bounds(t, pairs[..., 0], pairs[..., 1], QUANTITIES)
 
 
@@ -364,16 +364,15 @@ def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
     with naming(path):
         arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
         # Bounds and choices in the file are not trusted before `Tube.verify` has checked them. The
-        # boxes of an aircraft are those of the file, and must be those of the `band`, if there is
-        # one.
+        # boxes of an aircraft come from the file and must agree with the `band`, if given.
         claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
         return _tube_from(claim, arrays, band)
 
 
 def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
-    """The tube of a file; only boxes are taken from its arrays, and a feasible reference."""
+    """The tube of a file; its arrays supply only boxes and a feasible reference."""
     scenario, gains = scenario_from(claim.scenario), claim.gains
-    # Before anything as long as the scenario is made: a file may state a duration of years.
+    # Checked before any array over the scenario's time is made, since a file may state years.
     k = sample_count(scenario)
     shapes: dict[str, tuple[int, ...] | None] = {
         **dict.fromkeys(ALWAYS),
@@ -391,7 +390,7 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
     check_shapes("tube", arrays, shapes)
     if gains.K.shape != (2, 4):
         raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
-    # Files of gains on roll and load factor may name the law of rates that the scenario had.
+    # Gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
     table = scenario.plant_table(claim.plant)
     reference = reference_samples(scenario, table)

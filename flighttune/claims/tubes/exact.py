@@ -1,14 +1,14 @@
 r"""One sample of the exact law for a whole set of flights.
 
 The commanded rates are affine in errors and integrals; roll ``atan(a/b)`` and load factor
-``b / cos(phi)`` follow from the lifts a and b that they need, and the point mass turns them back
-into the commanded rates, so that the errors of enclosing these functions cancel to second order.
-While a command is limited, the integrator of its channel is stopped. That is a discontinuity: a
-piece with flights on both sides is split, and each half records its side.
+``b / cos(phi)`` follow from their lifts a and b, and the point mass turns them back into the
+commanded rates, so that the enclosure errors of these functions cancel to second order. While a
+command is limited, the integrator of its channel stops. This is a discontinuity: a piece with
+flights on both sides is split, and each half records its side.
 
-Where the gains feed roll and load factor back, each command passes two limits: as the law expects
-the aircraft to need it, and with what is lacking of that. The second command is affine in the first
-and in what is measured, which the lag model of the plant has as its states.
+With feedback of roll and load factor each command passes two limits: first as the expected command,
+then with the tracking error added. The second command is affine in the first and in the
+measurements, which are states of the plant's lag model.
 """
 
 import itertools
@@ -36,25 +36,26 @@ from flighttune.claims.tubes.forms import (
 )
 from flighttune.claims.tubes.interval import Interval, Unbounded, cosine
 
-# Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
-# side of a limit than the exact one.
+# Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may lie on the other
+# side of a limit than the exact flight.
 OVERLAP = 1e-9
 
-# Number of symbols that a sample adds after those of the roll command: two integrals, load factor,
-# lift, course and path angle; with feedback a second roll and two more load factors.
+# Number of symbols that a sample adds after the symbols of the roll command: two integrals, load
+# factor, lift, course and path angle; with feedback a second roll and two more load factors.
 SYMBOLS_AFTER_ROLL, MORE_WITH_FEEDBACK = 6, 3
 
-# Rows of the expected commands, the last ones with feedback, and the kinds of their symbols
+# Rows of the expected commands, which are last, with feedback, and the kinds of their symbols
 EXPECTED_PHI, EXPECTED_N_Z = -2, -1
 EXPECTED_KINDS = sample.STATES + 2, sample.STATES + 3
 
 # Largest tangent of a roll command before limits: 86 deg
 STEEPEST_ROLL = 14.0
 
-# Whether no flight of a piece is beyond a limit, all are, or it is not known
+# Whether no flight of a piece is beyond a limit, all are, or this is unknown
 FREE, LIMITED, OPEN = -1, 1, 0
 
-# The channels of a pass, the commands of roll and load factor, and both expected ones with feedback
+# The channels of a pass, the commands of roll and load factor, and with feedback both expected
+# commands
 Commands: TypeAlias = tuple[list[sample.Channel], Form, Form, tuple[Form, ...]]
 
 
@@ -70,26 +71,27 @@ class ExactEnclosure(sample.Enclosure):
     """An `Enclosure` of the exact law."""
 
     overlap = OVERLAP
-    commands_each = 1  # of each channel, one after the other, each with its limits
+    commands_each = 1  # channels in sequence, each with its limits
 
     def __init__(self, loop: sample.SampledLoop, pieces: Pieces, plan: sample.Plan) -> None:
         super().__init__(loop, pieces, plan)
         assert loop.law.inverts is not None
-        self._law, self._speed = loop.law.inverts, loop.V_a * loop.law.inverts.per_g  # of V/g, s
+        self._law, self._speed = loop.law.inverts, loop.V_a * loop.law.inverts.per_g  # V/g, s
 
     def _controlled(self, k: int) -> sample.Controlled:
         pieces, n = self.pieces, self.commands_each
         # Side of each limit on which all flights of a piece are, by channel and by above or below.
         limits = itertools.product(range(2 * n), (1.0, -1.0))
         self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
-        # A pass begins only if it leaves room for the symbols behind the loop.
+        # A pass begins only if enough room is left for the later symbols of the sample.
         last = pieces.used + sample.FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL
         if n > 1:
             last -= MORE_WITH_FEEDBACK
         while True:
             # A pass that splits by the load factor leaves a constraint on the symbol of its roll
-            # command, and the next pass linearises roll anew. So that symbol is kept although no
-            # row of the state has it: used again, the constraint would speak of another error.
+            # command, and the next pass linearises roll again. So this symbol stays reserved
+            # although no state row has it: if it were reused, the constraint would refer to another
+            # error.
             if pieces.used >= last:
                 raise Unbounded("pieces are split too often in one sample")
             state = pieces.forms()
@@ -109,29 +111,29 @@ class ExactEnclosure(sample.Enclosure):
         )
 
     def _commands(self, state: Forms, errors: Forms, a: Quantity, b: Quantity) -> Commands | None:
-        """The commands for the lifts wanted; None if the pieces were split or dropped."""
-        # Roll and load factor come one after the other: the law inverts exactly with the roll that
-        # is commanded, so that the load factor must see roll after its limits.
+        """The commands for the desired lifts; None if the pieces were split or dropped."""
+        # Roll comes before load factor: the law inverts exactly with the commanded roll, so the
+        # load factor uses roll after its limits.
         turning = self._towards(
             0, arctangent(a, b).widened(sample.COMPUTED), state[sample.PHI], errors
         )
         if self._fewer_or_more([turning]):
             return None
-        # One symbol for the error of roll: lift and load factor share it, so that it cancels where
-        # the point mass turns them back into rates.
+        # Lift and load factor share one symbol for the error of roll, so that it cancels when the
+        # point mass turns them back into rates.
         phi = self.pieces.fresh(self._moved(0, turning, state[sample.PHI]), sample.PHI)
         lifting = self._lifting(state, errors, phi, b.form)
         if self._fewer_or_more([turning, lifting]):
             return None
         extra = b.form
         if (less := self._held_back(1, lifting)) is not None:
-            # Limits act on n_z; in terms of the vertical lift they take off as much times cos(phi).
+            # Limits act on n_z; they reduce the vertical lift by this amount times cos(phi).
             level = cosine_of(self._angle(phi, "roll"))
             extra = combined((1.0, extra), (-1.0, product(self._ranged(less), level)))
         return [turning, lifting], phi, extra.widened(sample.COMPUTED), ()
 
     def _lifts(self, k: int, state: Forms, errors: Forms) -> tuple[Quantity, Quantity]:
-        """Horizontal and vertical lift that the commanded rates need, in weights."""
+        """Horizontal and vertical lift for the commanded rates, in weights."""
         turn, climb = (
             combined(
                 *zip(law.K_P, errors, strict=True),
@@ -148,7 +150,7 @@ class ExactEnclosure(sample.Enclosure):
         return Quantity(a, self._range(a)), Quantity(b, self._range(b))
 
     def _check_plain(self, errors: Forms, a: Interval, b: Interval) -> None:
-        """Stop where the law may do other than invert: that is not enclosed."""
+        """Stop if the law may do more than invert, which is not enclosed."""
         law = self.loop.law.channels[1]
         if not (b.low > self._law.lift_floor).all():
             raise Unbounded("the vertical lift wanted can be at its floor")
@@ -165,16 +167,16 @@ class ExactEnclosure(sample.Enclosure):
             raise Unbounded("the path-angle error can be so large that the law brakes")
 
     def _towards(self, i: int, wanted: Form, before: Form, errors: Forms) -> sample.Channel:
-        """A command wanted, from the one before it."""
+        """A desired command, from the previous command."""
         x = combined((1.0, wanted), (-1.0, before))
         return self._channel(i, x, Quantity(before, self._range(before)), errors)
 
     def _channel(self, i: int, x: Form, command: Quantity, errors: Forms) -> sample.Channel:
         law = self.loop.law.channels[i // self.commands_each]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
-        # Splits are at the limits themselves: the integrator stops there, whatever the increment.
-        # The halves of a split overlap: a flight on a known side is beyond it by OVERLAP at
-        # most. Without this bound the enclosure would hold flights that are not there.
+        # Splits are at the limits themselves, where the integrator stops for any increment.
+        # The halves of a split overlap: a flight on a known side exceeds it by at most OVERLAP.
+        # Without this bound the enclosure would contain flights that do not exist.
         excesses = {
             side: excess._replace(values=self._on_its_side(i, side, excess, OVERLAP))
             for side, excess in self._excesses(x, command, law).items()
@@ -182,7 +184,7 @@ class ExactEnclosure(sample.Enclosure):
         return sample.Channel(x, increment, Interval.point(np.zeros(len(self.pieces))), excesses)
 
     def _on_its_side(self, i: int, side: float, excess: Quantity, beyond: float) -> Interval:
-        """Values of an excess, at most `beyond` the limit where the side of flights is known."""
+        """Values of an excess, at most `beyond` the limit if the side of flights is known."""
         sides, values = self._sides[i, side], excess.values
         return Interval(
             np.where(sides == LIMITED, np.maximum(values.low, -beyond), values.low),
@@ -191,9 +193,9 @@ class ExactEnclosure(sample.Enclosure):
 
     def _lifting(self, state: Forms, errors: Forms, phi: Form, b: Form) -> sample.Channel:
         """The load factor ``b / cos(phi)`` before its limits."""
-        # The load factor in force is v / cos(phi) of the roll before: the difference is
-        # ``(b - v) / cos(phi)`` plus v times what one over the cosine changes. Each load factor
-        # enclosed by itself would seem to meet its rate limit.
+        # The load factor in force is v / cos(phi) with the previous roll: the difference is ``(b -
+        # v) / cos(phi)`` plus v times the change of 1 / cos(phi). Enclosed separately, the two load
+        # factors would seem to reach the rate limit.
         before, roll = (self._angle(angle, "roll") for angle in (state[sample.PHI], phi))
         more = combined((1.0, b), (-1.0, state[sample.EXTRA_LIFT]))
         v = self._ranged(state[sample.EXTRA_LIFT])
@@ -222,11 +224,11 @@ class ExactEnclosure(sample.Enclosure):
         return combined((1.0, before), (1.0, move)).widened(sample.COMPUTED)
 
     def _held_back(self, i: int, channel: sample.Channel) -> Form | None:
-        """Amount that limits take off the command wanted; None if they never act."""
+        """Amount by which limits reduce the desired command; None if they never act."""
         moves, doubt = [], np.zeros(len(self.pieces))
-        # Where the side of a limit is known, the values end at the limit, and max(Y, 0) is Y or 0.
-        # But a flight may be beyond by OVERLAP: there Y, or none of it, is taken for the other, and
-        # a line of slope s leaves the values by |s| or |1 - s| times that. A proof may hold any s.
+        # If the side of a limit is known, the values end at the limit, and max(Y, 0) is Y or 0. But
+        # a flight may exceed the side by OVERLAP; there a line of slope s misses the values by |s|
+        # or |1 - s| times the overlap. A proof may contain any s.
         for side, excess in channel.excesses.items():
             if not (excess.values.high > 0.0).any():
                 continue
@@ -241,7 +243,7 @@ class ExactEnclosure(sample.Enclosure):
         self, i: int, channels: Sequence[sample.Channel], integral: Form
     ) -> tuple[Form, bool]:
         """The integral after the sample, and whether a limit can hold one of its commands."""
-        # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
+        # An excess below OVERLAP counts as open, unless a split has fixed the side.
         n, own = len(self.pieces), range(i * self.commands_each, (i + 1) * self.commands_each)
         free, limited = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
         excesses = [(j, *over) for j in own for over in channels[j].excesses.items()]
@@ -252,8 +254,8 @@ class ExactEnclosure(sample.Enclosure):
         can_limit, increment = bool((~free).any()), channels[own.start].increment
         if not self.loop.law.conditional:  # without anti-windup the integrator never stops
             return combined((1.0, integral), (1.0, increment)), can_limit
-        # It stands where a limit holds the command. Where the side is open, the integral takes half
-        # the increment, and an error of the other half: that covers both sides.
+        # The integral is held while a limit holds the command. If the side is open, it takes half
+        # the increment, with the other half as an error, which covers both sides.
         share = np.where(free, 1.0, np.where(limited, 0.0, 0.5))
         half = 0.5 * self._range(increment).ordered.largest * UP
         doubt = np.where(free | limited, 0.0, half)
@@ -270,8 +272,8 @@ class ExactEnclosure(sample.Enclosure):
         indices = np.flatnonzero(chosen)
         for limit, sides in self._sides.items():
             upper = sides[indices]
-            # Only a split at the limit itself says on which side of it a flight is. That is about
-            # the command of the flight, not about a symbol, so later passes may use it.
+            # Only a split at the limit itself fixes the side of a flight. This concerns the
+            # flight's command and not a symbol, so later passes may use it.
             if limit == (i, side):
                 at_limit = splits[indices] == 0.0
                 sides[indices[at_limit]] = FREE
@@ -287,7 +289,7 @@ class FedBackEnclosure(ExactEnclosure):
 
     def _commands(self, state: Forms, errors: Forms, a: Quantity, b: Quantity) -> Commands | None:
         pieces, (k_phi, k_n_z) = self.pieces, self._law.feedback
-        # In this order, each after the limits of the one before, as in `exact_step`
+        # In this order, each after the limits of the previous command, as in `exact_step`
         roll = arctangent(a, b).widened(sample.COMPUTED)
         turning = self._towards(0, roll, state[EXPECTED_PHI], errors)
         if self._fewer_or_more([turning]):

@@ -4,11 +4,11 @@ A form is a quantity of a flight as ``c + sum_j g_j xi_j + r`` with symbols ``|x
 forms of a piece share and ``|r| <= err``. Forms are computed in floating point; `err` takes up the
 rounding: a sum of n products has an error of at most ``n 2^-53 / (1 - n 2^-53)`` times the sum of
 their absolute values (N. J. Higham, *Accuracy and Stability of Numerical Algorithms*, SIAM 2002,
-section 3.1), and a form of float coefficients differs from the one meant by at most the sum of
-what its coefficients differ by.
+section 3.1), and a form with rounded coefficients differs from the exact form by at most the sum of
+the coefficients' errors.
 
-A function that is not affine becomes a form with a proven error: any slope gives an enclosure, a
-good one a narrow enclosure.
+A function that is not affine becomes a form with a proven error: any slope gives an enclosure, and
+a good slope gives a narrow enclosure.
 """
 
 from collections.abc import Sequence
@@ -31,13 +31,13 @@ from flighttune.claims.tubes.interval import (
 
 ULP = 2.0**-52
 
-# Roundings allowed for besides those of the sum: of a coefficient, of a quotient of constants
+# Extra roundings besides the sum: of a coefficient and of a quotient of constants
 MORE_ROUNDINGS = 8
 
-# Factor that outdoes the rounding of up to a hundred sums of positive numbers
+# Factor that exceeds the rounding of up to a hundred sums of positive numbers
 UP = 1.0 + 2.0**-44
 
-# Outdoes the underflow of a sum
+# Exceeds the underflow of a sum
 TINY = 1e-300
 
 
@@ -46,8 +46,8 @@ class Form:
     """One quantity in every piece."""
 
     coefficients: FloatArray  # shape (P, 1 + M): centre, then the coefficient of every symbol
-    err: FloatArray  # shape (P,): bound on what is not in the coefficients
-    # shape (P,): at least the sum of the absolute values of coefficients and of `err`
+    err: FloatArray  # shape (P,): bound on the part without coefficients
+    # shape (P,): at least the sum of the absolute values of coefficients and `err`
     size: FloatArray
 
     def part(self, which: "Indices") -> "Form":
@@ -75,7 +75,7 @@ Flags: TypeAlias = npt.NDArray[np.bool_]
 
 
 def combined(*terms: Term, shift: Floats | Interval = 0.0) -> Form:
-    """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each."""
+    """``shift + sum_k a_k F_k`` for numbers ``a_k``, common to all pieces or one for each."""
     if isinstance(shift, Interval):
         # The form encloses the sum for each number in the interval.
         return combined(*terms, shift=shift.middle).widened(shift.radius)
@@ -90,7 +90,7 @@ def combined(*terms: Term, shift: Floats | Interval = 0.0) -> Form:
         size += weight * form.size
     coefficients[:, 0] += shift
     size = (size + np.abs(shift)) * UP + TINY
-    # The size is at least the sum of what is rounded in all coefficients: one bound for all.
+    # The size is at least the sum of all rounded terms, so one bound covers all coefficients.
     rounding = (len(terms) + MORE_ROUNDINGS) * ULP * size
     return Form(coefficients, (err + rounding) * UP + TINY, size * UP)
 
@@ -98,7 +98,7 @@ def combined(*terms: Term, shift: Floats | Interval = 0.0) -> Form:
 def transformed(matrix: FloatArray, forms: Forms) -> list[Form]:
     """``sum_k A_ik F_k`` for each row i of a matrix."""
     weights = np.abs(matrix)
-    # A library may add the products in any order: the bound on their rounding holds for each.
+    # A library may add the products in any order; the rounding bound holds for every order.
     coefficients = np.tensordot(matrix, np.array([form.coefficients for form in forms]), axes=1)
     err = weights @ np.array([form.err for form in forms])
     size = weights @ np.array([form.size for form in forms]) * UP + TINY
@@ -116,28 +116,28 @@ def _column(a: Floats) -> Floats:
 
 
 class Pieces:
-    """A set as a union of P pieces: rows (state and constraints) of forms over common symbols.
+    """A set as a union of P pieces, each with rows (state and constraints) of forms over symbols.
 
     A constraint row is a quantity q of the flight that is known to be inside +-1.
     """
 
     def __init__(self, centres: FloatArray, constraints: int, capacity: int) -> None:
         P, self.rows = centres.shape
-        self.capacity = capacity  # most symbols
+        self.capacity = capacity  # maximum number of symbols
         # Coefficients, (P, rows + constraints, 1 + M), with room for M symbols, and errors of forms
         self.values = np.zeros((P, self.rows + constraints, 1 + self.rows))
         self.values[:, : self.rows, 0] = centres
         self.err = np.zeros(self.values.shape[:2])
-        # Which rows hold a constraint of any piece
+        # Whether each row has a constraint of any piece
         self.constrained = np.zeros(constraints, dtype=bool)
-        # Symbols in use, and their origin: those of a kind follow each other in time
+        # Symbols in use, and their origin; symbols of a kind are in order of time
         self.used, self.kind = 0, np.zeros(capacity, dtype=int)
 
     def __len__(self) -> int:
         return len(self.values)
 
     def make_room(self, count: int) -> None:
-        """Have room for `count` more symbols, and no more: all forms are as wide."""
+        """Make room for exactly `count` more symbols, since all forms have this width."""
         wide = np.zeros((*self.values.shape[:2], 1 + self.used + count))
         wide[:, :, : 1 + self.used] = self.values[:, :, : 1 + self.used]
         self.values = wide
@@ -156,18 +156,18 @@ class Pieces:
         """`form` with a symbol of its own for its error."""
         coefficients = form.coefficients.copy()
         coefficients[:, 1 + self.used] = form.err
-        # The size stays: the coefficient of the symbol is as large as the error that it stands for.
+        # The size does not change: the coefficient of the symbol equals the replaced error.
         self.kind[self.used] = kind
         self.used += 1
         return Form(coefficients, np.zeros_like(form.err), form.size)
 
     def plain_range(self, form: Form) -> Interval:
-        """The values of a form, whatever the constraints."""
+        """The values of a form without the constraints."""
         radius = (absolute_sum(form.coefficients[:, 1:]) + form.err) * UP + TINY
         return outward(form.coefficients[:, 0] - radius, form.coefficients[:, 0] + radius)
 
     def constrained_range(self, form: Form, multipliers: FloatArray) -> Interval:
-        """The values of a form where every constraint q holds.
+        """The values of a form under all constraints q.
 
         The `multipliers` mu (shape (P, c)) are any numbers, for the rows of `constrained`:
         ``F = (F - mu q) + mu q``, and q is inside +-1.
@@ -176,7 +176,7 @@ class Pieces:
         q, q_err = self.values[:, rows], self.err[:, rows]
         residual = form.coefficients - (multipliers[:, np.newaxis] @ q)[:, 0]
         weights = np.abs(multipliers)
-        # q is a form of floats too, off by up to its error: mu q is inside |mu| (1 + q_err).
+        # q is also a form with rounding errors: mu q is inside |mu| (1 + q_err).
         q_size = (absolute_sum(q) + q_err) * UP
         size = (form.size + (weights * q_size).sum(axis=1)) * UP
         radius = (
@@ -188,7 +188,7 @@ class Pieces:
         return outward(residual[:, 0] - radius, residual[:, 0] + radius)
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
-        """Take up in row `row` of the constraints of pieces `which` that `form` is in `to`."""
+        """Add the constraint that `form` is in `to`, in row `row` of the pieces `which`."""
         self.constrained[row] = True
         scale = 1.0 / to.radius
         q = combined((scale, form), shift=-to.middle * scale)
@@ -202,7 +202,7 @@ class Pieces:
         self.err = np.concatenate([self.err, self.err[indices]])
 
     def keep(self, flags: Flags) -> None:
-        """Drop all pieces but those `flags` is true for."""
+        """Drop all pieces for which `flags` is false."""
         self.values, self.err = self.values[flags], self.err[flags]
 
     def reduce(self, pairs: Indices) -> None:
@@ -214,12 +214,11 @@ class Pieces:
         g = self.values[:, :, 1 : 1 + self.used]
         alone, pair = pairs[pairs[:, 1] < 0, 0], pairs[pairs[:, 1] >= 0]
         first, second = g[:, :, pair[:, 0]], g[:, :, pair[:, 1]]
-        # xi_a and xi_b are in +-1, and so are half their sum and half their difference: either may
-        # be a symbol.
-        # ``g_a xi_a + g_b xi_b`` is the sum of ``(g_a + g_b) (xi_a + xi_b)/2`` and
-        # ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way round where that is smaller; the first
-        # becomes one symbol, the second joins a box. With b negative a alone joins the box. The
-        # box, an interval a row, takes one symbol a row.
+        # xi_a and xi_b are in +-1, and so are half their sum and half their difference, which may
+        # therefore be symbols. ``g_a xi_a + g_b xi_b`` is the sum of ``(g_a + g_b) (xi_a +
+        # xi_b)/2`` and ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way round if that is smaller.
+        # The first becomes one symbol, and the second joins a box. With b negative only a joins the
+        # box. The box, an interval for each row, takes one symbol per row.
         difference, total = first - second, first + second
         flip = np.abs(difference).sum(axis=(0, 1)) > np.abs(total).sum(axis=(0, 1))
         joined = np.where(flip, difference, total)
@@ -273,8 +272,8 @@ def secant_change(roll: Quantity, change: Quantity) -> Form:
     before, by = roll.values, change.values
     after = before + by
     check_inside(after, "roll")
-    # Two secants enclosed one by one would be as wide as both. The slope in D is ``-sec'(F + D)``,
-    # in F it is ``sec'(F) - sec'(F + D)``: minus D times ``sec''`` in between.
+    # Two separately enclosed secants would be as wide as both together. The slope in D is ``-sec'(F
+    # + D)``; in F it is ``sec'(F) - sec'(F + D)``: minus D times ``sec''`` in between.
     in_roll, in_change = -(_secant_curvature(before.hull(after)) * by), -_secant_slope(after)
     x_0, moved = before.middle, by.middle
     value = 1.0 / cosine(Interval.point(x_0)) - 1.0 / cosine(Interval.point(x_0) + moved)
@@ -288,7 +287,7 @@ def arctangent(first: Quantity, second: Quantity) -> Form:
     a_0, b_0 = Interval.point(a.middle), Interval.point(b.middle)
     square = _square(a_0) + _square(b_0)
     angle = Interval.point(np.arctan2(a_0.low, b_0.low))
-    # Distance of the library's angle from the true one: the sine of that, over the distance.
+    # Error of the library's angle: the sine of the error, divided by the distance.
     s, c = sine_and_cosine(angle)
     off = (a_0 * c - b_0 * s).largest / np.sqrt(square.low)
     angle = angle + within(2.0 * off)  # an arcsine is at most pi/2 times its sine
@@ -303,19 +302,19 @@ def arctangent(first: Quantity, second: Quantity) -> Form:
 
 
 def up_to(size: FloatArray) -> Interval:
-    """The numbers from 0 to `size`, which was rounded once."""
+    """The interval from 0 to `size`, which was rounded once."""
     return Interval(np.zeros_like(size), np.nextafter(size, np.inf))
 
 
 def _square(values: Interval) -> Interval:
     product = values * values
-    # The product of an interval with itself forgets that both factors are one number.
+    # The product of an interval with itself ignores that both factors are equal.
     across = (values.low <= 0.0) & (values.high >= 0.0)
     return Interval(np.where(across, 0.0, np.maximum(product.low, 0.0)), product.high)
 
 
 def product(first: Quantity, second: Quantity) -> Form:
-    """``F G``: ``(F - f)(G - g)`` about their middles is the error."""
+    """``F G``, with ``(F - f)(G - g)`` about their middles as the error."""
     a, b = first.values, second.values
     f, g = a.middle, b.middle
     # F G = g F + f G - f g + (F - f) (G - g)
@@ -324,7 +323,7 @@ def product(first: Quantity, second: Quantity) -> Form:
 
 
 def positive_part(quantity: Quantity, slope: Floats) -> Form:
-    """``max(F, 0)``: the error has its extremes at the ends of the values and at 0."""
+    """``max(F, 0)``, whose error is extreme at the ends of the values and at 0."""
     low, high = quantity.values.low, quantity.values.high
     errors = [
         Interval.point(np.maximum(point, 0.0)) - Interval.point(point) * slope
@@ -341,13 +340,13 @@ def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interv
 
 
 def _linear(value: Interval, *parts: tuple[Quantity, Interval]) -> tuple[list[Term], Interval]:
-    """``value + sum_k f_k (F_k - m_k)``, m the middles, as terms and the rest that they leave."""
+    """``value + sum_k f_k (F_k - m_k)``, with middles m, as terms and a remainder."""
     rest = value
     for quantity, slope in parts:
         rest = rest - Interval.point(slope.middle) * quantity.values.middle
     for (_, values), slope in parts:
         rest = rest + (slope - slope.middle) * within((values - values.middle).largest)
-    # A term takes one float of a slope f; the rest encloses the difference to the true slope.
+    # A term uses one float as a slope f; the remainder encloses the error of the slope.
     return [(slope.middle, quantity.form) for quantity, slope in parts], rest
 
 

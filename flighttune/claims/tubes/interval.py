@@ -12,13 +12,13 @@ from flighttune.base.arrays import FloatArray, Floats
 # Largest angle of `sine` and `cosine`, rad: 89.4 deg
 LARGEST_ANGLE = 1.56
 
-# More than the error of a partial sum below: its remainder is under 1e-22 and each of its fewer
-# than 100 roundings under ``2^-53 cosh(1.56)``.
+# Exceeds the error of a partial sum below: its remainder is under 1e-22, and each of its fewer than
+# 100 roundings is under ``2^-53 cosh(1.56)``.
 SERIES_ERROR = 1e-13
 
 SERIES_TERMS = 14
 
-# Directions for `np.nextafter`, as arrays: it would convert a float at every call
+# Directions for `np.nextafter`, as arrays because it would convert a float at every call
 LEAST, MOST = np.array(-np.inf), np.array(np.inf)
 
 
@@ -30,18 +30,18 @@ class Unbounded(Exception):
 class Interval:
     """All numbers from `low` to `high`, entry by entry.
 
-    A sum, product or quotient contains those of all members: it is computed to the nearest float
-    (IEEE 754) and moved outwards by one.
+    A sum, product or quotient contains the results for all members: it is computed to the nearest
+    float (IEEE 754) and moved outwards by one float.
     """
 
     low: FloatArray
     high: FloatArray
 
-    __array_ufunc__: ClassVar = None  # NumPy leaves arithmetic with an interval to it
+    __array_ufunc__: ClassVar = None  # NumPy leaves arithmetic with an interval to this class
 
     @classmethod
     def point(cls, value: Floats) -> "Interval":
-        """The interval that holds one number."""
+        """The interval of one number."""
         x = np.asarray(value, dtype=float)
         return cls(x, x)
 
@@ -73,7 +73,7 @@ class Interval:
 
     @property
     def ordered(self) -> "Interval":
-        """The interval, its ends in order: of a piece without flights any range will do."""
+        """The interval with ordered ends; for a piece without flights any range is valid."""
         return Interval(np.minimum(self.low, self.high), np.maximum(self.low, self.high))
 
     @property
@@ -120,7 +120,8 @@ def sine_and_cosine(angle: Interval) -> tuple[Interval, Interval]:
         total /= divisor
         np.subtract(1.0, total, out=total)
     (low, high), ends_of_cosine = total[1] * ends, total[0]
-    # The sine grows up to 90 deg, so that its ends are those of the angle; the cosine peaks at 0.
+    # The sine grows up to 90 deg, so its extremes are at the ends of the angle; the cosine peaks at
+    # 0.
     sines = Interval(np.maximum(low - SERIES_ERROR, -1.0), np.minimum(high + SERIES_ERROR, 1.0))
     level = (angle.low <= 0.0) & (angle.high >= 0.0)
     largest = np.where(level, 1.0, np.maximum(*ends_of_cosine) + SERIES_ERROR)
@@ -139,7 +140,7 @@ def _interval(value: "Interval | Floats") -> Interval:
 
 
 def _hull_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> Interval:
-    # Three times two arrays: to make one array of four, for `reduce`, takes longer.
+    # Three calls with two arrays are faster than one array of four for `reduce`.
     return outward(
         np.minimum(np.minimum(a, b), np.minimum(c, d)),
         np.maximum(np.maximum(a, b), np.maximum(c, d)),

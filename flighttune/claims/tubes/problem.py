@@ -1,6 +1,6 @@
 """The flights that a tube encloses: scenario, gains, starts and disturbances.
 
-The disturbances of an aircraft are in boxes: of its residual signals, from a count.
+The disturbances of an aircraft lie in boxes of its residual signals, from a count.
 """
 
 import math
@@ -33,20 +33,20 @@ from flighttune.vehicles.plants import base, weather
 # Quantities that a tube bounds: errors in rad, commands in rad and 1
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 
-# What the boxes of a tube are.
+# Meaning of the boxes of a tube.
 OF_RESIDUALS = "`boxes` must be of residual signals (`ft.residual`)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftBoxes:
-    """Boxes counted for an aircraft's flights, at the k samples of one flight."""
+    """Counted boxes of an aircraft's flights, at the k samples of a flight."""
 
-    # Bounds on `RESIDUALS`: from each sample to the next on the residual rates of course and
-    # flight-path angle, of any shape; on the roll seen minus that behind the lag, and its change
-    # to the next sample.
+    # Bounds on `RESIDUALS`: on the residual rates of course and flight-path angle, of any shape,
+    # from each sample to the next; on the seen roll minus the lag's roll, and its change to the
+    # next sample.
     bounds: Bounds
-    lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
-    band_sha256: str  # of all that the file of the band holds
+    lags: tuple[InnerLag, ...]  # lags of roll and load factor in the model of the residuals
+    band_sha256: str  # hash of the whole content of the band's file
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,13 +54,13 @@ class TubeProblem:
     """All flights of one gain set on one plant of a scenario."""
 
     entry: Entry
-    start: float  # rad: course and flight-path angle start within this of the scenario's
+    start: float  # rad: half-width of the starts in course and flight-path angle
     disturbance: float | None  # rad/s: see `tube_problem`
-    band: Residual | None  # of the residual signals of an aircraft: source of its boxes
-    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
-    # commands planned for them (zeros where none are), and their rates; see `reference_samples`
+    band: Residual | None  # count of an aircraft's residual signals: source of its boxes
+    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: reference course and flight-path angle, planned
+    # commands (or zeros), and rates; see `reference_samples`
     reference: FloatArray
-    # Boxes from the file of a tube: compared to those of the band, or believed without one
+    # Boxes from the file of a tube: compared with the band's boxes, or trusted without a band
     stored: AircraftBoxes | None = None
 
     def __post_init__(self) -> None:
@@ -87,8 +87,8 @@ class TubeProblem:
     def _check_law(self) -> None:
         """Refuse a loop that the sets cannot follow."""
         scenario, aircraft = self.scenario, self.table.aircraft is not None
-        # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted
-        # there.
+        # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted in
+        # them.
         moving = scenario.windy and not aircraft
         swings = scenario.disturbance is not None and scenario.disturbance.as_wind
         sensors = scenario.sensors_on(self.table.label)
@@ -103,11 +103,12 @@ class TubeProblem:
                 "`anti_windup` of [controller] must be conditional or none for a tube, got "
                 "back_calculation."
             )
-        # Of a point mass too: `sampled` refuses a law that no tube knows.
+        # For a point mass too, `sampled` refuses unknown laws.
         inverts = self.sampled.inverts is not None
         if not aircraft:
             return
-        # All follow the measured airspeed, which varies on an aircraft; no box of it was counted.
+        # All of these follow the measured airspeed, which varies on an aircraft without a counted
+        # box.
         if scenario.rolls_in:
             raise InputError(
                 "`roll_in_s` must be absent from the tube of an aircraft: roll is planned for the "
@@ -148,12 +149,12 @@ class TubeProblem:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario flown."""
+        """The flown scenario."""
         return self.entry.scenario
 
     @property
     def gains(self) -> PIGains:
-        """The gains flown."""
+        """The flown gains."""
         return self.entry.found_gains
 
     @property
@@ -173,13 +174,13 @@ class TubeProblem:
 
     @property
     def model(self) -> str:
-        """The plant enclosed, in words, and what was counted for it."""
+        """The enclosed plant and its counted boxes, in words."""
         kind = self.table.family.enclosed or ""
         return kind if self.band is None else f"{kind}; {self.band.sentence}"
 
     @cached_property
     def boxes(self) -> AircraftBoxes | None:
-        """Boxes counted for the flights of an aircraft, or stored; None for another plant."""
+        """Counted or stored boxes of an aircraft; None for another plant."""
         band, stored = self.band, self.stored
         if band is None:
             return stored
@@ -202,7 +203,7 @@ class TubeProblem:
         return boxes
 
     def _check_covered(self, band: Residual) -> None:
-        """Refuse a problem to which no flight counted for the band can belong."""
+        """Refuse a problem that no counted flight of the band can belong to."""
         scenario, plant, counted = self.scenario, self.table, band.flights
         aircraft = counted.scenario.plant_table(counted.plant).aircraft
         if plant.aircraft != aircraft or counted.changed:
@@ -263,7 +264,7 @@ class TubeProblem:
 
     @property
     def lags(self) -> tuple[InnerLag, ...]:
-        """Lags of roll and load factor; empty where the plant has none."""
+        """Lags of roll and load factor; empty for a plant without lags."""
         return self.boxes.lags if self.boxes else self.table.lags() or ()
 
     @property
@@ -273,7 +274,7 @@ class TubeProblem:
 
     @property
     def path_at_start(self) -> tuple[float, float]:
-        """Course and path angle over ground; [flight] has those through the air, rad."""
+        """Initial course and path angle over ground, rad; [flight] states them through the air."""
         condition, wind = self.entry.condition, self.scenario.wind
         if wind is None:
             return condition.chi, condition.gamma
@@ -293,7 +294,7 @@ class TubeProblem:
 
     @cached_property
     def sampled(self) -> SampledController:
-        """The law as the sets follow it; InputError if no tube knows the law or its gains."""
+        """The law as the sets follow it; InputError for an unknown law or unknown gains."""
         if self.law.inputs != self.gains.inputs:
             raise InputError(
                 f"`law` must take gains on {' and '.join(self.gains.inputs)}, got "
@@ -306,11 +307,12 @@ class TubeProblem:
 
     @cached_property
     def loop(self) -> SampledLoop:
-        """The loop that flies, with the numbers of its controller and its plant."""
+        """The flown loop, with the numbers of its controller and plant."""
         flight, controller = self.scenario.flight, self.sampled
         condition = self.entry.condition
         reference = self.reference.copy()
-        # A law that inverts follows the rates of the reference, the other the commands planned.
+        # A law that inverts follows the rates of the reference, and the paper's law the planned
+        # commands.
         reference[:, PLANNED if controller.inverts else RATES] = 0.0
         lift = np.zeros(len(reference))
         if controller.feed_forward and self.scenario.rolls_in:
@@ -342,13 +344,13 @@ def tube_problem(
     disturbance: float | None = None,
     band: Residual | None = None,
 ) -> TubeProblem:
-    """The flights of an entry whose plant a tube encloses.
+    """The flights of an entry, for a plant that a tube can enclose.
 
-    Course and flight-path angle start within `start` (rad) of the scenario's. The disturbance of
-    each rate is within `disturbance` (rad/s) of zero, in any shape; by default within the
-    amplitudes of the scenario's [disturbance], or zero; of a plant identified from logs within the
-    largest residual rate of these. With the `band` of the residual signals of an aircraft its model
-    flies, under every disturbance in its boxes.
+    Course and flight-path angle start within `start` (rad) of the scenario's values. The
+    disturbance of each rate is within `disturbance` (rad/s) of zero, in any shape. By default it is
+    within the amplitudes of the scenario's [disturbance], or zero; for a plant identified from
+    logs, within their largest residual rate. With the `band` of an aircraft's residual signals, its
+    model flies under every disturbance in the boxes.
     """
     if disturbance is None:
         disturbance = residual_of_logs(entry.plant)
@@ -362,7 +364,7 @@ def tube_problem(
 
 
 def enclosed_plant(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTable:
-    """The plant of that label, or the first aircraft or other plant that a tube encloses."""
+    """The plant with this label, or the first aircraft or other plant that a tube can enclose."""
     scenario.check_over_time("a tube")
     kinds = [
         name
@@ -393,11 +395,11 @@ def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
     followed = np.zeros((len(t), 6))
     followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
     if scenario.rolls_in:
-        assert isinstance(reference, segments.Reference)  # of ramps
+        assert isinstance(reference, segments.Reference)  # planned rates of ramps
         rates = np.stack(reference.rates(t, lead_on(scenario, plant)))
         turn, bend = rates * scenario.flight.V_a_mps / reference.g
         if scenario.controller.feed_forward:
-            # The vertical lift in weights stands in place of the load factor planned.
+            # The vertical lift in weights replaces the planned load factor.
             lift = np.cos(followed[:, REFERENCE][:, 1]) + bend
             followed[:, PLANNED] = np.column_stack([np.arctan(turn), lift])
     else:
@@ -415,5 +417,5 @@ def sample_times(scenario: Scenario) -> FloatArray:
 
 
 def sample_count(scenario: Scenario) -> int:
-    """Number of the samples of the controller, the first and the last one included."""
+    """Number of samples of the controller, including the first and the last."""
     return round(scenario.flight.duration_s / (1.0 / scenario.controller.rate_hz)) + 1

@@ -1,13 +1,13 @@
 r"""The check of a tube: every inclusion again, without the search that found it.
 
-A tube ends with its scenario; bounds for all later times come from a set that N samples of the
-settled loop map into itself. If from some sample on the reference is constant, every flight is
-inside a set ``T = {z : |W z - c| <= s}`` (rows; z the state of the sampled loop), and N samples map
-T into itself without a limit acting on a command, then no command is ever limited again. Every
-round of N samples after the first stays within the ranges of the second, because it begins in the
-image of T. Over the first round T, a box, is wider than the flights: there the enclosure of the
-tube itself goes on, for N samples after its end. The loop is the one that flies: nonlinear,
-sampled, behind its lags and delays, under every disturbance within the last bounds.
+A tube ends with its scenario. Bounds for all later times come from a set that N samples of the
+settled loop map into itself. Suppose that from some sample on the reference is constant, that every
+flight is inside a set ``T = {z : |W z - c| <= s}`` (rows; z the state of the sampled loop), and
+that N samples map T into itself without an active limit. Then no command is ever limited again.
+Every round of N samples after the first stays within the ranges of the second, because it begins in
+the image of T. In the first round T, a box, is wider than the flights, so the enclosure of the tube
+itself continues there, for N samples after its end. The loop is the flown loop: nonlinear, sampled,
+with its lags and delays, under every disturbance within the last bounds.
 """
 
 from collections.abc import Sequence
@@ -35,18 +35,19 @@ from flighttune.claims.tubes.sample import RATES, Channel, Cut, Plan, SampledLoo
 from flighttune.control.theory.exact import Check, Verification
 from flighttune.flight.loop.run import Bounds
 
-# Most symbols of the set while it is mapped through the samples
+# Maximum symbols of the set during the mapping
 SYMBOLS = 300
 
-# Most numbers in the arrays of a set: four times those of a search; a split at most doubles them
+# Maximum numbers in the arrays of a set: four times a search's maximum; a split at most doubles
+# them
 MAX_NUMBERS = 2**23
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HandOver:
-    """A set from which flights return into it."""
+    """A set that flights return to."""
 
-    sample: int  # first sample at which every flight is inside
+    sample: int  # first sample with all flights inside
     W: FloatArray  # shape (n, n)
     # `centre` and `size` (shape (n,)): the set is ``|W z - centre| <= size`` for the state z of the
     # loop.
@@ -61,12 +62,12 @@ class HandOver:
 
 
 def settled(loop: SampledLoop, samples: int) -> SampledLoop:
-    """The loop after its last sample: references and boxes stay as they are there."""
+    """The loop after its last sample, with constant references and boxes."""
     return continued(replace(loop, reference=loop.reference[-1:], boxes=loop.boxes[-1:]), samples)
 
 
 def continued(loop: SampledLoop, samples: int) -> SampledLoop:
-    """The loop with more samples, in which references and boxes stay as they are at its end."""
+    """The loop with more samples, in which references and boxes keep their last values."""
     reference, boxes = (
         np.concatenate([values, np.repeat(values[-1:], samples, axis=0)])
         for values in (loop.reference, loop.boxes)
@@ -75,14 +76,14 @@ def continued(loop: SampledLoop, samples: int) -> SampledLoop:
 
 
 def settled_from(loop: SampledLoop) -> int:
-    """First sample from which the reference is constant and boxes are within the last ones."""
+    """First sample from which the reference is constant and boxes are within the last boxes."""
     still = (loop.reference == loop.reference[-1]).all(axis=1)
     still &= (loop.reference[:, RATES] == 0.0).all(axis=1)
     still &= (loop.boxes[..., 0] >= loop.boxes[-1, :, 0]).all(axis=1)
     still &= (loop.boxes[..., 1] <= loop.boxes[-1, :, 1]).all(axis=1)
     changing = np.flatnonzero(~still)
     first = int(changing[-1]) + 1 if len(changing) else 0
-    # It is the number of samples if the reference still moves at the end.
+    # This is the number of samples if the reference still moves at the end.
     return first if first + 1 < len(still) else len(still)
 
 
@@ -94,7 +95,7 @@ def hull(pieces: Pieces, W: FloatArray) -> FloatArray:
 
 def inside(ranges: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
     """Whether ranges of ``W z`` are in the set ``|W z - centre| <= size``."""
-    # Rounded inwards: a range that only rounding brings inside is refused.
+    # Rounded inwards, so that a range that is inside only by rounding is refused.
     low, high = np.nextafter(centre - size, np.inf), np.nextafter(centre + size, -np.inf)
     return bool(((ranges[:, 0] >= low) & (ranges[:, 1] <= high)).all())
 
@@ -124,14 +125,14 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
 def return_map(
     loop: SampledLoop, W: FloatArray, centre: FloatArray, size: FloatArray, samples: int, plan: Plan
 ) -> tuple[FloatArray, FloatArray]:
-    """Propagate the set of a `HandOver` through 2 N samples; Unbounded where a limit may act.
+    """Propagate the set of a `HandOver` through 2 N samples; Unbounded if a limit may act.
 
     Returns the ranges of ``W z`` after the first round, shape (n, 2), and of errors and commands at
     every sample, (2 N, 4, 2). There is no second round if the first does not end inside the set.
     """
     enclosure = enclosure_of(settled(loop, 2 * samples), parallelotope(W, centre, size), plan)
     passed, after = [], np.zeros((len(W), 2))
-    # Two rounds: only the second one begins in the image of T, as every later one does.
+    # Two rounds, because only the second and later rounds begin in the image of T.
     for k in range(1, 2 * samples + 1):
         ranges, limited = enclosure.sample(k)
         if limited.any():
@@ -146,14 +147,14 @@ def return_map(
 
 def for_ever(after_end: FloatArray, passed: FloatArray) -> FloatArray:
     """Bounds of errors and commands at all times after the last sample, shape (4, 2)."""
-    # `after_end`, shape (N, 4, 2), has the ranges of the tube at the first N samples after the last
-    # one, when all flights are in T; `passed` is that of `return_map`.
+    # `after_end`, shape (N, 4, 2), has the ranges of the tube at the first N samples after its end,
+    # when all flights are in T; `passed` comes from `return_map`.
     later = np.concatenate([after_end, passed[len(passed) // 2 :]])
     return np.stack([later[:, :, 0].min(axis=0), later[:, :, 1].max(axis=0)], axis=1)
 
 
 class Replay:
-    """A `Plan` that reads what a search chose, shape (n,), finite."""
+    """A `Plan` that reads the choices of a search, shape (n,), finite."""
 
     def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
         self._chosen, self._at = chosen, 0
@@ -193,7 +194,7 @@ class Replay:
         return values.astype(float).reshape(shape)
 
 
-# A number too large for floats is inf or NaN in the set, which no bound holds.
+# An overflow becomes inf or NaN in the set, which violates every bound.
 @np.errstate(over="ignore", invalid="ignore")
 def replay(
     problem: TubeProblem,
@@ -204,13 +205,12 @@ def replay(
     ever: HandOver | None,
 ) -> Verification:
     """Prove every sample of a tube again from the choices of the search that found it."""
-    # Every sample is enclosed by the code that the search used, with a `Replay` in place of its
-    # `Search`: choices (where to split, which symbols to merge, which multipliers) decide how wide
-    # the set becomes, never whether it encloses. A wrong choice can therefore only lose the claim,
-    # and none is trusted. Without looking for choices it is about five times as fast (0.7 s of
-    # 3.4 s for 5 s of `paper`).
-    # The tube is valid if at every sample the set proven is inside the bounds; else the reason
-    # names the sample and the inequality.
+    # The code of the search encloses every sample, with a `Replay` instead of its `Search`. Choices
+    # (places of splits, merged symbols, multipliers) affect the width of the set but never its
+    # validity. A wrong choice can therefore only lose the claim, and no choice is trusted. Without
+    # the search this is about five times as fast (0.7 s of 3.4 s for 5 s of `paper`). The tube is
+    # valid if at every sample the set proven is inside the bounds; else the reason names the sample
+    # and the inequality.
     loop = problem.loop if ever is None else continued(problem.loop, ever.samples)
     enclosure = enclosure_of(loop, starts, Replay(chosen))
     margins, claimed = np.full(len(QUANTITIES), np.inf), bounds.pairs
@@ -259,7 +259,7 @@ def replay(
 
 
 def _broken(proven: FloatArray, claimed: FloatArray) -> str:
-    """The first claimed bound that the ranges proven do not keep; empty if they keep all."""
+    """The first claimed bound that the proven ranges exceed; else empty."""
     for name, (low, high), (least, most) in zip(QUANTITIES, proven, claimed, strict=True):
         if not least <= low:
             return f"{name} >= {least:.9g} is not proven, but {name} >= {low:.9g}"

@@ -1,20 +1,20 @@
-r"""One sample of the loop for a whole set of flights: the controller as it flies, then the plant.
+r"""One sample of the loop for a whole set of flights: the flown controller, then the plant.
 
-With x the unlimited command minus the command u in force, what a limit holds back above is
-``max(Y, 0)`` with ``Y = x - r + max(u + r - hi, 0)`` for the range up to `hi` and the step r that
-the rate allows, and likewise below. So `pi_step` is
+Let x be the unlimited command minus the command u in force. An upper limit reduces the command by
+``max(Y, 0)`` with ``Y = x - r + max(u + r - hi, 0)`` for the range up to `hi` and the step r of the
+rate limit, and likewise below. So `pi_step` is
 
     u+ = u + x - max(Y, 0) + max(Z, 0)
     I+ = I + J - (max(Y, 0) - S) + ...  with  S = max(Y - max(J, 0), 0)
 
-with J the trapezoid's increment: the second line is conditional anti-windup. It is affine where all
-flights are on one side of every kink. Elsewhere a kink becomes a line and a symbol for its error.
-The two lines share the symbol of ``max(Y, 0)``, so that it cancels in the next x, which is
-``K_P`` times the change of the errors, plus the next J, plus S. The values of S are known better
-than its form says: pieces remember them.
+with J the trapezoid's increment: the second line is conditional anti-windup. It is affine if all
+flights are on one side of every kink. Otherwise a kink becomes a line and a symbol for its error.
+The two lines share the symbol of ``max(Y, 0)``, so that it cancels in the next x, which is ``K_P``
+times the change of the errors, plus the next J, plus S. Pieces store the values of S, which are
+narrower than its form.
 
-The load-factor command is kept as v, what it has beyond the feed-forward
-``cos(gamma_ref)/cos(phi)``: in x the feed-forward cancels, and ``n_z cos(phi)`` is
+The load-factor command is kept as v, its excess over the feed-forward
+``cos(gamma_ref)/cos(phi)``. In x the feed-forward cancels, and ``n_z cos(phi)`` is
 ``v cos(phi) + cos(gamma_ref)``.
 """
 
@@ -55,18 +55,18 @@ from flighttune.claims.tubes.interval import (
 from flighttune.control.law import SampledController
 from flighttune.control.mimo_pi import ChannelLaw
 
-# Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
-# command beyond its feed-forward, or, of the exact law, times the cosine of the roll command; with
-# feedback it is the command alone.
+# Rows of the state, with the errors of the previous sample. `EXTRA_LIFT` is the load-factor command
+# beyond its feed-forward. For the exact law it is the command times the cosine of the roll command,
+# or with feedback the command alone.
 CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
 
 STATES = 8
 
-# Kinds of the symbols of a load-factor command that passes a lag, and of the difference of the roll
-# seen from that behind the lag.
+# Kinds of the symbols of a load-factor command through a lag, and of the seen roll minus the lag's
+# roll.
 N_Z, ROLL_BEYOND = STATES, STATES + 1
 
-# Part of that difference that is kept from sample to sample; 1 less it is exact
+# Share of this difference that is kept from sample to sample; 1 minus the share is exact
 ROLL_KEPT = 0.875
 
 # Kinds of the symbols of the two commands
@@ -75,35 +75,35 @@ KINDS = PHI, EXTRA_LIFT
 # Number of splits that a piece remembers
 SPLITS = 4
 
-# Rows of constraints: the splits, then for each command the part that limits hold back
+# Rows of constraints: the splits, then the part of each command that limits remove
 CONSTRAINTS = SPLITS + 2
 
-# Half width of a range, rad and 1, below which it is not remembered: it excludes nothing
+# A range with a smaller half width, rad and 1, is not stored, because it excludes nothing
 NARROWEST = 1e-9
 
-# Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands, 2
-# integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
-# 7, and one more for every time that pieces are split after its roll command.
+# Maximum number of symbols that a sample adds. The paper's law adds 12 for the kinks of four
+# limits, 2 commands, 2 integrals, course, path angle, and with lags a load factor and a seen roll.
+# The exact law adds 7, and one for every split after its roll command.
 FRESH_SYMBOLS = 20
 
-# Every so many samples accumulated errors become symbols, so that feedback can reduce them
+# Number of samples after which accumulated errors become symbols, so that feedback can reduce them
 REDUCE_EVERY = 25
 
-# Bound, rad and 1, on the error of a computed flight in a sample: that of the classical Runge-Kutta
-# rule over 0.02 s, and some rounding.
+# Bound, rad and 1, on the error of a computed flight in a sample, from the classical Runge-Kutta
+# rule over 0.02 s and rounding.
 COMPUTED = 1e-11
 
-# Columns of the reference of a loop: angles to follow, commands planned for them, their rates, and
-# the vertical lift of the feed-forward
+# Columns of the reference of a loop: angles, planned commands, rates, and the vertical lift of the
+# feed-forward
 REFERENCE, PLANNED, RATES, LIFT = slice(0, 2), slice(2, 4), slice(4, 6), 6
 
-# Rows of the boxes of a loop: disturbances of the two rates, roll seen beyond that behind the lag,
-# and its change to the next sample.
+# Rows of the boxes of a loop: disturbances of the two rates, seen roll minus the lag's roll, and
+# its change to the next sample.
 D, ROLL, ROLL_CHANGE = slice(0, 2), 2, 3
 
 CLIMB = "the flight-path angle"
 
-# Largest flight-path angle of the exact point mass, which has no course at 90 deg
+# Maximum flight-path angle of the exact point mass, whose course is undefined at 90 deg
 STEEPEST = math.radians(85.0)
 
 
@@ -111,21 +111,21 @@ STEEPEST = math.radians(85.0)
 class SampledLoop:
     """The loop that all flights of a set share."""
 
-    law: SampledController  # the numbers of the controller itself
+    law: SampledController  # the controller's numbers
     # shape (k, 7), rad, rad, rad, 1, rad/s, rad/s, weights, in the columns `REFERENCE`, `PLANNED`,
-    # `RATES` and `LIFT`: zeros where a law follows no plan, or no rates, or has no feed-forward.
+    # `RATES` and `LIFT`; zeros if a law does not use a plan, rates or feed-forward.
     reference: FloatArray
     # shape (k, 2 or 4, 2), rad/s and rad: lowest and highest values from a sample to the next, in
-    # the rows `D`, and `ROLL` and `ROLL_CHANGE` where the controller sees more roll than the lag's.
+    # the rows `D`, and `ROLL` and `ROLL_CHANGE` if the controller sees more than the lag's roll.
     boxes: FloatArray
     dt: float  # s
     V_a: float  # m/s
     g: float  # m/s^2
-    # length 4: course, flight-path angle, roll and load factor in the middle of the starts; without
-    # a load factor it is that of steady flight at the path angle of each start.
+    # length 4: course, flight-path angle, roll and load factor in the middle of the starts; a
+    # missing load factor means steady flight at the path angle of each start.
     start: tuple[float, float, float, float | None]
-    exact: bool  # whether the point mass turns by its lift, instead of by the paper's law
-    lags: tuple[SampledLag, ...]  # of roll and load factor; the exact point mass alone has them
+    exact: bool  # whether the point mass turns by its actual lift, instead of the paper's law
+    lags: tuple[SampledLag, ...]  # lags of roll and load factor; only the exact point mass has them
 
     @property
     def g_over_v(self) -> float:
@@ -134,18 +134,18 @@ class SampledLoop:
 
     @property
     def sees_roll(self) -> bool:
-        """Whether the controller sees more roll than that behind the lag."""
+        """Whether the controller sees more than the lag's roll."""
         return self.boxes.shape[1] > ROLL
 
     @property
     def rows(self) -> int:
-        """Rows: `STATES`, lags, commands on their way, the roll beyond, the commands expected."""
+        """Number of rows: `STATES`, lags, delayed commands, additional roll, expected commands."""
         lagged = sum(lag.order + lag.older + 1 for lag in self.lags)
         return STATES + lagged + self.sees_roll + 2 * self.law.feeds_back
 
     @property
     def layout(self) -> tuple[list[slice], list[slice]]:
-        """Rows of each lag, and of the commands on their way into it, the newest first."""
+        """Rows of each lag, and of its delayed commands, newest first."""
         counts = [lag.order for lag in self.lags] + [lag.older + 1 for lag in self.lags]
         rows = [slice(*ends) for ends in pairwise(accumulate(counts, initial=STATES))]
         return rows[: len(self.lags)], rows[len(self.lags) :]
@@ -174,19 +174,18 @@ class Channel(NamedTuple):
     x: Form
     increment: Form
     by: Interval
-    excesses: Mapping[float, Quantity]  # over the limits that there are: 1 above and -1 below
+    excesses: Mapping[float, Quantity]  # excesses over existing limits: 1 above and -1 below
 
 
-# A split by the excess of a channel on a side: of which pieces, at which of its values, and into
-# which constraint row.
+# A split by the excess of a channel on a side: pieces, value of the excess, and constraint row.
 Cut: TypeAlias = tuple[int, float, Flags, FloatArray, Indices]
 
 
 class Plan(Protocol):
-    """The free choices of an enclosure: all of them give one that holds."""
+    """The free choices of an enclosure, which is valid for any choice."""
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
-        """Multipliers of the rows constrained, for the range of a form, shape (P, c)."""
+        """Multipliers of the constrained rows, for the range of a form, shape (P, c)."""
         ...
 
     def slope(self, values: Interval) -> FloatArray:
@@ -194,11 +193,11 @@ class Plan(Protocol):
         ...
 
     def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
-        """Next split before the sample is taken; None to go on."""
+        """Next split before the sample is computed; None to continue."""
         ...
 
     def pairs(self, pieces: Pieces) -> Indices:
-        """Symbols to give up, as `Pieces.reduce` takes them."""
+        """Symbols to remove, for `Pieces.reduce`."""
         ...
 
 
@@ -213,12 +212,12 @@ class Controlled(NamedTuple):
     lift: float  # vertical lift of the feed-forward, in weights; 0 without one
     integrals: list[Form]
     limited: Sequence[bool]  # whether a limit can hold the command
-    expected: Forms = ()  # with feedback both commands that the law expects to be followed
+    expected: Forms = ()  # with feedback both expected commands
 
 
-# Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the values
-# of the two commands in between; and how far apart the rates of a flight can be within the sample,
-# shape (2,), rad/s.
+# Course, flight-path angle, the row `EXTRA_LIFT` and the rows of the lags one sample later; the
+# values of the two commands in between; and the width of the range of a flight's rates within the
+# sample, shape (2,), rad/s.
 Flown: TypeAlias = tuple[list[Form], list[Interval], FloatArray]
 
 
@@ -234,7 +233,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
     centres[:, PHI] = phi
     pieces = Pieces(centres, CONSTRAINTS, symbols)
     state = pieces.forms()
-    # Two symbols span the starts of a piece; everything else follows from them.
+    # Two symbols span the starts of a piece and determine everything else.
     for row in (CHI, GAMMA):
         state[row] = pieces.fresh(state[row].widened(radius + COMPUTED), row)
     level = cosine(Interval.point(np.full(len(centres), phi)))
@@ -263,7 +262,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
 
 
 class Enclosure:
-    """A set of flights, at first that of the starts, taken from sample to sample."""
+    """A set of flights, initially the starts, propagated from sample to sample."""
 
     overlap = 0.0
 
@@ -272,19 +271,19 @@ class Enclosure:
         self._margin = np.zeros(2)
 
     def sample(self, k: int) -> tuple[FloatArray, Flags]:
-        """Take the set through sample k and on to the next; return what is proven of it.
+        """Propagate the set through sample k to the next; return its proven bounds.
 
         Bounds of course error, flight-path-angle error, roll and load-factor command, shape (4, 2),
-        and whether a limit can hold each command. The errors have a margin, with which they also
-        hold between the samples: on the straight line from the bounds of one to those of the next.
-        Raises Unbounded if an angle leaves the range in which the functions are enclosed.
+        and whether a limit can hold each command. A margin on the errors makes the straight lines
+        between the bounds of consecutive samples valid too. Raises Unbounded if an angle leaves the
+        range in which the functions are enclosed.
         """
         pieces, loop = self.pieces, self.loop
         if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % REDUCE_EVERY == REDUCE_EVERY - 1:
             pieces.reduce(self.plan.pairs(pieces))
         pieces.make_room(FRESH_SYMBOLS)
         stage = self._controlled(k)
-        # Ranges of the errors of this sample, before its rows are overwritten by the next one's.
+        # Ranges of the errors of this sample, before the next sample overwrites its rows.
         errors = [*map(self._range, stage.errors)]
         fly = self._point_mass if loop.exact else self._paper_law
         (chi, gamma, extra, *lags), commands, spread = fly(k, stage)
@@ -293,8 +292,8 @@ class Enclosure:
         ranges = [values.ordered for values in (*errors, *commands)]
         bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
-        # times how far apart its rate can be. The line between the bounds needs that at both of its
-        # ends, so a sample takes the larger margin of the interval before it and of the one after.
+        # times the width of its rate's range. The line between the bounds needs this margin at both
+        # ends, so a sample takes the larger margin of the intervals before and after it.
         after = 0.25 * loop.dt * spread * UP
         margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
@@ -302,15 +301,16 @@ class Enclosure:
         return bounds, np.array(stage.limited)
 
     def _controlled(self, k: int) -> Controlled:
-        """The commands of sample k, in as many pieces as that takes."""
+        """The commands of sample k, after the necessary splits."""
         pieces, lift = self.pieces, self.loop.reference[k, LIFT]
-        # A split changes the pieces and their constraints, so every form is made anew after it. No
-        # symbol is added before the last pass: constraints may only speak of symbols that stay.
+        # A split changes the pieces and their constraints, so every form is computed again after
+        # it. No symbol is added before the last pass, because constraints may only use symbols that
+        # stay.
         while True:
             state = pieces.forms()
             errors = self._errors(k, state)
             roll = self._seen(state)
-            # The row was kept relative to the reference of the sample before.
+            # The row is relative to the reference of the previous sample.
             extra, moved = state[EXTRA_LIFT], lift - self.loop.reference[max(k - 1, 0), LIFT]
             if moved != 0.0:
                 extra = combined((1.0, extra), (-moved, secant(roll).form))
@@ -326,14 +326,14 @@ class Enclosure:
         return Controlled(state, errors, roll, phi, extra, lift, self._kept(integrals), limited)
 
     def _kept(self, integrals: Forms) -> list[Form]:
-        """Integrals with a symbol each for their errors."""
+        """Integrals, with a symbol for each error."""
         return [
             self.pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
             for i, form in enumerate(integrals)
         ]
 
     def _fewer_or_more(self, channels: Sequence[Channel]) -> bool:
-        """Drop pieces without flights, or split; whether there are other pieces now."""
+        """Drop pieces without flights, or split; return whether the pieces changed."""
         ranges = [channel.by for channel in channels]
         ranges += [over.values for channel in channels for over in channel.excesses.values()]
         empty = np.any([values.low > values.high for values in ranges], axis=0)
@@ -364,7 +364,7 @@ class Enclosure:
 
     def _errors(self, k: int, state: Forms) -> list[Form]:
         chi_ref, gamma_ref = self.loop.reference[k, REFERENCE]
-        # The controller wraps the course error; all flights of a piece must wrap alike.
+        # The controller wraps the course error, so all flights of a piece must wrap equally.
         chi_err = combined((-1.0, state[CHI]), shift=chi_ref)
         turns = np.round(chi_err.coefficients[:, 0] / math.tau)
         chi_err = combined((1.0, chi_err), shift=-turns * math.tau)
@@ -384,7 +384,7 @@ class Enclosure:
     ) -> list[Channel]:
         channels, lift = [], self.loop.reference[k, LIFT]
         for i, law in enumerate(self.loop.law.channels):
-            # The trapezoid begins with the second sample: there is no time before the first.
+            # The trapezoid begins with the second sample, since no time precedes the first.
             increment = combined((0.0, errors[0]))
             if k > 0:
                 errors_now = *errors, state[CHI_ERR], state[GAMMA_ERR]
@@ -416,7 +416,8 @@ class Enclosure:
             if math.isinf(step):
                 terms, shift = [*terms, (side, command.form)], -limit
             elif not math.isinf(limit):
-                # What the range leaves of the step: all of it, unless the command is near its end.
+                # The step that the range allows: the whole step, unless the command is near its
+                # end.
                 near = command.values * side + (step - limit)
                 if (near.high > 0.0).any():
                     close = combined((side, command.form), shift=step - limit)
@@ -432,7 +433,7 @@ class Enclosure:
         self.pieces.keep(flags)
 
     def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
-        """Below and above a value of an excess: a flight is in one of the two."""
+        """Split below and above a value of an excess; each flight is in one of the two."""
         # The lower halves stay in place, the upper ones are appended.
         i, side, chosen, splits, row = cut
         form, values = channels[i].excesses[side]
@@ -475,12 +476,12 @@ class Enclosure:
         """``max(F, 0)``, with a symbol for its error where there is one."""
         form, values = quantity
         part = positive_part(Quantity(form, values.ordered), self.plan.slope(values))
-        # Where all flights are on one side of the kink, the line is exact and needs no symbol.
+        # If all flights are on one side of the kink, the line is exact and needs no symbol.
         kinked = (values.low < 0.0) & (values.high > 0.0)
         return self.pieces.fresh(part, kind) if kinked.any() else part
 
     def _remember(self, i: int, channel: Channel, remainder: Form, between: Interval) -> None:
-        """Constrain the part of the command that limits hold back beyond the increment refused."""
+        """Constrain the part of the command that limits remove beyond the refused increment."""
         sides = [excess.values for excess in channel.excesses.values()]
         kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
         indices = np.flatnonzero(kinked & (between.radius > NARROWEST))
@@ -491,12 +492,12 @@ class Enclosure:
             )
 
     def _relative(self, stage: Controlled, after: Form) -> Form:
-        """The load-factor command beyond the feed-forward of the roll seen next, `after`."""
+        """The load-factor command beyond the feed-forward at the next seen roll, `after`."""
         extra = stage.extra
         if stage.lift:
             change = combined((1.0, after), (-1.0, stage.roll.form))
             by = self._range(change)
-            # Without a lag the roll seen next is the command, which its rate limit holds.
+            # Without a lag the next seen roll is the command, which is inside its rate limit.
             if not self.loop.lags:
                 law = self.loop.law.channels[0]
                 by = Interval(
@@ -524,8 +525,8 @@ class Enclosure:
         With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
         the disturbance, ``y(h) = h f + (h^2/2)(g/V) sin(gamma) f + R`` where ``|R|`` is at most
         ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``, which is
-        ``h (|f| + D) exp(h g/V)``. This is ``cos(gamma) - cos(gamma + y) = y sin(gamma)
-        + y^2 cos(zeta)/2``, inserted into the integral of the rate twice.
+        ``h (|f| + D) exp(h g/V)``. The result follows from ``cos(gamma) - cos(gamma + y) = y
+        sin(gamma) + y^2 cos(zeta)/2``, inserted twice into the integral of the rate.
         """
         pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
         state = stage.state
@@ -561,7 +562,7 @@ class Enclosure:
     def _point_mass(self, k: int, stage: Controlled) -> Flown:
         """The exact point mass, behind lags if there are any."""
         pieces, loop, state = self.pieces, self.loop, stage.state
-        # A symbol of its own: behind a lag the same error comes back in later samples.
+        # A separate symbol, because behind a lag the same error returns in later samples.
         n_z = pieces.fresh(self._load(stage).widened(COMPUTED), N_Z)
         commands = [self._ranged(command) for command in (stage.phi, n_z)]
         (rolled, loaded), lags = commands, []
@@ -576,9 +577,9 @@ class Enclosure:
         )
         after = lags[0] if lags else stage.phi
         if loop.sees_roll:
-            # The difference e of the roll seen from that behind the lag becomes a e + w, w in
-            # ``(1 - a)`` times the box of e plus that of its change: so the changes stay small, and
-            # the sum of all w does not grow with time.
+            # The difference e between the seen roll and the lag's roll becomes a e + w, with w in
+            # ``(1 - a)`` times the box of e plus the box of its change. So the changes stay small,
+            # and the sum of all w does not grow with time.
             e, change = (
                 Interval(*loop.boxes[k, row, :, np.newaxis]) for row in (ROLL, ROLL_CHANGE)
             )
@@ -592,18 +593,18 @@ class Enclosure:
         return rows, [command.values for command in commands], spread
 
     def _behind_lags(self, state: Forms, commands: Forms) -> tuple[list[Quantity], list[Form]]:
-        """Roll and load factor flown, and the rows of the lags and of the commands under way."""
+        """Flown roll and load factor, and the rows of the lags and of the delayed commands."""
         reached, after, under_way = [], [], []
         for lag, rows, queue, command in zip(
             self.loop.lags, *self.loop.layout, commands, strict=True
         ):
             newest_first = [command, *state[queue]]
-            # An older and a newer command are in force: the delay is no whole number of samples.
+            # An older and a newer command act, because the delay is not a whole number of samples.
             inputs = [*state[rows], newest_first[lag.older + 1], newest_first[lag.older]]
             rows_after = np.vstack([lag.transition, lag.mean])
             *moved, mean = (form.widened(COMPUTED) for form in transformed(rows_after, inputs))
             ranges = [self._range(form).ordered for form in (*inputs, moved[0])]
-            # Within the sample either of the two commands may be in force.
+            # Within the sample either of the two commands may act.
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
             reached.append(Quantity(mean, values))

@@ -1,6 +1,6 @@
-"""The search for an enclosure, and for a set that flights never leave; the proof trusts none of it.
+"""The search for an enclosure and for an invariant set; the proof does not trust its results.
 
-Slopes, splits and symbols to remove are chosen for a narrow enclosure, then a set that the settled
+It chooses slopes, splits and symbols to remove for a narrow enclosure, then a set that the settled
 loop maps into itself.
 """
 
@@ -19,41 +19,41 @@ from flighttune.claims.tubes.proof import SYMBOLS, HandOver, for_ever, inside, r
 # Symbols removed at a time
 REMOVED_AT_ONCE = 70
 
-# Cost of widening a row when symbols are removed; 1 for the other rows
+# Cost of a wider row when symbols are removed; 1 for the other rows
 WEIGHT = {sample.EXTRA_LIFT: 0.5, sample.CHI_ERR: 0.1, sample.GAMMA_ERR: 0.1}
 
 CONSTRAINT_WEIGHT = 0.02
 
-# Size of the set by which the loop is linearised
+# Size of the set for linearising the loop
 LINEARISED_SIZE = 1e-6
 
 # Largest number N of samples that map a set into itself
 MAX_SAMPLES = 800
 
-# Contraction of the linear loop over N samples, by which N is chosen
+# Contraction of the linear loop over N samples that determines N
 CONTRACTION = 0.15
 
 # Eigenvalue below which a mode has decayed within a few samples
 FAST_EIGENVALUE = 0.5
 
-# Size of the first set that is tried, relative to that of the last sample
+# Size of the first trial set, relative to the set of the last sample
 FIRST_SIZE = 2.0
 
 GROWTH, ROUNDS = 1.3, 8
 
-# Share of its size to which a set must shrink in a round for another one to be worth its time
+# A further round is tried only if a set shrinks to this share of its size
 SMALLEST_GAIN = 0.9
 
-# Share of the set left free by the search: another machine may add up in another order
+# Share of the set that the search leaves free, because another machine may add up in another order
 SLACK = 1e-6
 
 
 class Search:
-    """A `Plan` that looks for a narrow enclosure and writes down what it chose.
+    """A `Plan` that seeks a narrow enclosure and records its choices.
 
-    `tolerance`: pieces are split where a limit may or may not hold a command, if both sides are
-    larger than twice this part of what the command can move in a sample. `most`: number of pieces
-    at which splitting stops; by default there is no split.
+    `tolerance`: pieces are split if a limit may or may not hold a command, and both sides are
+    larger than twice this share of the command's step in a sample. `most`: number of pieces at
+    which splitting stops; by default there is no split.
     """
 
     def __init__(self, loop: sample.SampledLoop, *, tolerance: float = 1.0, most: int = 0) -> None:
@@ -68,7 +68,7 @@ class Search:
 
     @property
     def choices(self) -> npt.NDArray[np.float32]:
-        """All choices so far, as `Replay` takes them."""
+        """All choices so far, for `Replay`."""
         return np.concatenate([np.zeros(0), *self.chosen]).astype(np.float32)
 
     def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
@@ -77,10 +77,9 @@ class Search:
         q, f = pieces.values[:, rows, 1:], form.coefficients[:, 1:]
         square = np.maximum((q * q).sum(axis=2), 1e-20)
         along = (q @ f[:, :, np.newaxis])[:, :, 0]
-        # Candidates: each constraint alone, all of them, or none, by least squares. The narrowest
-        # wins.
+        # Candidates, by least squares: each constraint alone, all, or none. The narrowest wins.
         single = (along / square)[:, :, np.newaxis] * np.eye(q.shape[1])
-        # Regularised: constraints of one piece may repeat each other.
+        # Regularised, because constraints of one piece may repeat each other.
         gram = q @ q.transpose(0, 2, 1) + 1e-6 * square[:, :, np.newaxis] * np.eye(q.shape[1])
         every = np.linalg.solve(gram, along[:, :, np.newaxis]).transpose(0, 2, 1)
         tried = np.concatenate([single, every, np.zeros_like(every)], axis=1)
@@ -94,11 +93,11 @@ class Search:
         return self._record(rise / np.maximum(high - low, 1e-300))
 
     def cut(self, pieces: Pieces, channels: Sequence[sample.Channel]) -> sample.Cut | None:
-        """Split at the first limit that some flights of a piece clearly meet, some clearly not."""
+        """Split at the first limit that some flights of a piece clearly reach and others do not."""
         if len(pieces) < self._most:
             for i, channel in enumerate(channels):
                 for side, excess in channel.excesses.items():
-                    # Beyond the limit by more than the increment, the integral stands still too.
+                    # Beyond the limit by more than the increment, the integral is held too.
                     splits = np.maximum((channel.by * side).high, 0.0)
                     values = excess.values
                     smaller = np.minimum(values.high - splits, splits - values.low)
@@ -114,7 +113,7 @@ class Search:
         return None
 
     def pairs(self, pieces: Pieces) -> Indices:
-        """Symbols to merge: neighbours in time of one kind if they are alike, else small ones."""
+        """Symbols to merge: similar neighbours in time of one kind, else small symbols."""
         height, n = pieces.values.shape[1], pieces.used
         need = n + REMOVED_AT_ONCE + height - pieces.capacity
         weights = np.full(height, CONSTRAINT_WEIGHT)
@@ -141,14 +140,14 @@ class Search:
         return chosen
 
     def _record(self, values: npt.ArrayLike) -> FloatArray:
-        # Single precision: any number will do, so it may as well be a short one.
+        # Single precision, since any number is valid and a short one suffices.
         rounded = np.asarray(values, dtype=np.float32)
         self.chosen.append(rounded.ravel())
         return rounded.astype(float)
 
 
 def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
-    """A free row of the constraints, or the one that says most nearly what the new one will."""
+    """A free row of the constraints, or the row closest to the new constraint."""
     q = pieces.values[:, pieces.rows : pieces.rows + sample.SPLITS, 1:]
     g = form.coefficients[:, 1:]
     size = np.linalg.norm(q, axis=2) * np.linalg.norm(g, axis=1)[:, np.newaxis]
@@ -157,7 +156,7 @@ def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
 
 
 def coordinates(loop: sample.SampledLoop) -> tuple[FloatArray, int] | None:
-    """Rows W in which the settled loop contracts, and after how many samples; None if never."""
+    """Rows W in which the settled loop contracts, and the number of samples; None if never."""
     steady, n = loop.steady, loop.rows
     pieces = Pieces(steady[np.newaxis], 0, SYMBOLS)
     pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
@@ -169,7 +168,7 @@ def coordinates(loop: sample.SampledLoop) -> tuple[FloatArray, int] | None:
     A = pieces.values[0, :n, 1 : 1 + n] / LINEARISED_SIZE
     if not np.abs(np.linalg.eigvals(A)).max() < 1.0:
         return None
-    # Any W will do; in this one the linear loop shrinks the norm of ``W z``.
+    # Any W is valid; with this W the linear loop shrinks the norm of ``W z``.
     W = np.concatenate([_contracting(A, slow=slow) for slow in (True, False)])
     step = W @ A @ np.linalg.inv(W)
     power = np.eye(n)
@@ -186,8 +185,8 @@ def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
     def wanted(re: float, im: float) -> bool:
         return (np.hypot(re, im) >= FAST_EIGENVALUE) == slow
 
-    # Commands follow errors and integrals within a sample. Where the set had room for commands that
-    # do not, as it has without a separation of the modes, a rate limit would hold them.
+    # Commands follow errors and integrals within a sample. Without separated modes the set would
+    # contain commands that do not, and a rate limit would hold them.
     sorted_modes: Any = schur(A.T, sort=wanted)
     T, Q, count = sorted_modes
     if not count:
@@ -204,10 +203,10 @@ def settled_set(
     hulls: Mapping[int, FloatArray],
     after_end: FloatArray,
 ) -> HandOver | None:
-    """Look for a small set that holds the flights of the last samples for ever.
+    """Seek a small invariant set for the flights of the last samples.
 
     `W` (shape (n, n)). `samples`: see `coordinates`. `hulls` (shape (n, 2)): ranges of ``W z`` at
-    samples in whose future nothing changes, up to the last. `after_end`: see `for_ever`.
+    the samples after the last change. `after_end`: see `for_ever`.
     """
     last, smallest = max(hulls), None
     end = hulls[last]
@@ -219,8 +218,8 @@ def settled_set(
         except interval.Unbounded:
             return smallest
         if inside(after, centre, tight):
-            # Bounds of the first sample in the set lack the margin of the interval that leads to
-            # it: that sample must still have the tube's own.
+            # Bounds of the first sample in the set lack the margin of the interval before it, so
+            # this sample keeps the tube's own bounds.
             reached = [
                 k for k, ranges in hulls.items() if k < last and inside(ranges, centre, tight)
             ]
@@ -235,7 +234,7 @@ def settled_set(
                 bounds=for_ever(after_end, passed),
                 chosen=plan.choices,
             )
-            # What holds the image of the set, within the set, is mapped into itself too.
+            # Any set between the image and the set is also mapped into itself.
             needed = np.stack([after, hulls[max(reached)]])
             low, high = needed[..., 0].min(axis=0), needed[..., 1].max(axis=0)
             centre, size = 0.5 * (low + high), (0.5 + SLACK) * (high - low) + 1e-12

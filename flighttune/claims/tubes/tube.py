@@ -22,22 +22,22 @@ from flighttune.flight import fly, load
 from flighttune.flight.loop.loop import simulate
 from flighttune.flight.scenario.schema import Scenario
 
-# Time, s, within which the width of a set that is about to be lost doubles
+# Maximum doubling time of the width of a set that is about to be lost, s
 DOUBLING = 0.2
 
-# Disturbances that are tried, rad/s: all of two digits
+# Trial disturbances, rad/s: all numbers of two digits
 DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriedDisturbances(Answering):
-    """The tubes of a problem with one disturbance after the other."""
+    """The tubes of a problem for several disturbances."""
 
-    tried: Mapping[float, Tube]  # by the bound on the disturbance, rad/s
+    tried: Mapping[float, Tube]  # tubes by bound on the disturbance, rad/s
 
     @property
     def largest(self) -> float | None:
-        """The largest disturbance whose tube is bounded, rad/s; None if there is none."""
+        """The largest disturbance with a bounded tube, rad/s; None without any."""
         bounded = (size for size, tube in self.tried.items() if tube.status == "bounded")
         return max(bounded, default=None)
 
@@ -45,10 +45,10 @@ class TriedDisturbances(Answering):
 def largest_disturbance(
     problem: TubeProblem, progress: Callable[[float], None] | None = None
 ) -> TriedDisturbances:
-    """Look for the largest disturbance, to two digits, for which the set of a problem is bounded.
+    """Seek the largest disturbance, to two digits, with a bounded tube.
 
-    The largest bounded one of those tried is known to two digits if one that is larger follows it.
-    None is bounded if the first of `DISTURBANCES`, or the scenario's own, is not.
+    The largest bounded disturbance is known to two digits if the next larger one was also tried. If
+    the first of `DISTURBANCES`, or the scenario's own disturbance, is not bounded, no tube is.
     """
     tried: dict[float, Tube] = {}
 
@@ -81,8 +81,8 @@ def stated_problem(
 ) -> TubeProblem:
     """The flights to enclose; `flights` are further arguments of `tube_problem`.
 
-    The plant is by default an aircraft where there is a band, and numbers as gains are flown by the
-    first law that takes them.
+    The default plant is an aircraft if a band is given, and the first suitable law flies gains that
+    are numbers.
     """
     entry = load.chosen_entry(source, wanted, changes)
     scenario, law = entry.scenario, entry.law
@@ -106,16 +106,16 @@ def tube_of(
 ) -> Tube:
     """Enclose all flights of a problem: the controller as it flies, with all its limits.
 
-    `attempts`: tried one after the other until the set is bounded; by default one with few pieces
-    and one with many. `for_ever`: look for a set that holds the flights after the time of the
-    scenario too. `progress`: called with the share of time that is enclosed, 0 to 1.
+    `attempts`: settings to try in order until the set is bounded; by default first few pieces, then
+    many. `for_ever`: also seek an invariant set for the time after the scenario. `progress`: called
+    with the enclosed share of the time, 0 to 1.
     """
     if not attempts:
         disturbed = not np.array_equal(*problem.disturbances)
         sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
         symbols = 660 if disturbed else 200
-        # Every piece costs time: a box of starts, already in pieces, is split further only if need
-        # be.
+        # Every piece costs time, so a box of starts, already in pieces, is split further only if
+        # needed.
         few, many = (1 if sides > 1 else 60), sides * sides + 100
         attempts = [Settings(sides, symbols, 0.5, few), Settings(sides, symbols, 0.2, many)]
     tried = []
@@ -127,7 +127,7 @@ def tube_of(
 
 
 def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
-    """Time at which the set is lost, and growth of its width."""
+    """Time when the set is lost, and growth of its width."""
     lost = len(ranges)
     reason = f"{stop} from t = {t[lost]:.2f} s on"
     span = round(DOUBLING / (t[1] - t[0]))
@@ -184,17 +184,17 @@ def _attempt(
         bounds=bounds_of(t[: len(ranges)], np.reshape(ranges, (-1, len(QUANTITIES), 2))),
         can_limit=np.array(limits_at, dtype=bool).reshape(-1, 2),
         settings=settings,
-        # Choices after the end are for the set that is kept.
+        # Choices after the end belong to the invariant set.
         chosen=search.choices if ever or chosen is None else chosen,
         hand_over=ever,
     )
 
 
 def flights_inside(enclosure: Tube) -> bool:
-    """Whether the scenario's own flight and those from the corners of the starts are inside."""
+    """Whether the scenario's own flight and flights from the corners of the starts are inside."""
     problem, entry = enclosure.problem, enclosure.problem.entry
     condition = entry.condition
-    # A tube that is not bounded is compared as far as it goes.
+    # An unbounded tube is compared as far as it extends.
     for chi, gamma in sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}):
         signals, _ = simulate(
             fly.plant_of(entry.plant, entry.scenario),
