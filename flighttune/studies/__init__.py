@@ -1,1 +1,1 @@
-"""Questions that need a search or a model: meet, worst, beside, adoption, the paper."""
+"""Studies with a search or a model: meet, worst, beside, adoption, the paper."""

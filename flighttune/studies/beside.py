@@ -1,4 +1,4 @@
-"""The guidance that a user flies now beside the gains of a scenario, on the same draws."""
+"""A user's present guidance compared with the gains of a scenario, on the same draws."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -42,7 +42,7 @@ from flighttune.routes.follow import RouteReference
 from flighttune.routes.items import SETS_AIRSPEED
 from flighttune.routes.mission import ROUTE_FILES
 
-# Where the loops are cut.
+# Cuts of the loops.
 CUT = "roll", "lift"
 
 YOURS, OURS = "yours", "ours"
@@ -56,8 +56,8 @@ MEASURED = {
     "gamma.peak_rad": ("path angle", "deg", DEG_PER_RAD),
 }
 
-# Share of the time of a flight in which a signal stays below a number, and the signals of a log
-# that are held against those of the flights, with their unit and its factor.
+# Share of the time for a quantile of a signal, and the signals of a log that are compared with the
+# flights, with unit and factor.
 SHARE = 0.95
 LOGGED = {
     "cross_track": ("cross track", "m", 1.0),
@@ -68,20 +68,20 @@ LOGGED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Beside(Answering):
-    """The guidance of a user and the gains of a scenario on the same draws.
+    """A user's guidance and the gains of a scenario on the same draws.
 
     Attributes
     ----------
     now : Flown
-        The guidance of the user.
+        The user's guidance.
     plan : Plan
-        The flights: of each draw one with the guidance, then one with the gains.
+        The flights: each draw first with the guidance, then with the gains.
     rows : DataFrame
-        A row each flight, as a campaign has them; ``gains`` is ``yours`` or ``ours``.
+        A row for each flight, as in a campaign; ``gains`` is ``yours`` or ``ours``.
     tracking : list of mapping
-        How near to their tracks the log and the flights with the guidance are; empty without one.
+        Tracking errors of the log and of the flights with the guidance; empty without a log.
     notes : tuple of str
-        Sentences about the log and what was assumed.
+        Sentences about the log and assumptions.
     """
 
     now: Flown
@@ -92,7 +92,7 @@ class Beside(Answering):
 
     @property
     def accuracy(self) -> list[dict[str, Any]]:
-        """Largest errors that a new flight keeps, and in how many draws ours are smaller."""
+        """Bounds on errors of a new flight, and number of draws in which ours are smaller."""
         n, rows = self.plan.draws, []
         place = max(allowed_outside(n, EPSILON, CONFIDENCE), 0)
         for measure, (words, unit, factor) in MEASURED.items():
@@ -110,7 +110,7 @@ class Beside(Answering):
 
     @property
     def margins(self) -> dict[str, Sequence[Margins]]:
-        """Margins of both loops behind the identified inner loop; none without a model of it."""
+        """Margins of both loops behind the identified inner loop; empty without its model."""
         with suppress(InputError):
             return loops(self.plan, self.now)
         return {}
@@ -123,8 +123,8 @@ def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
     model = models.identified_models(scenario, made_law("exact"))[0].model
     law = now.law.make(models.law_setup(scenario, ours, Limits.none(2)))
     a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
-    # On a route the loops over the distances from it are closed, too: the guidance of the user has
-    # them by its period, and that of the program by its look-ahead.
+    # On a route the loops over the distances are closed too: the period sets the user's loop, and
+    # the look-ahead sets ours.
     per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
     yours = np.array([a, c + b * (per_T > 0.0), d * (per_T > 0.0)])
     rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])
@@ -133,9 +133,9 @@ def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
 
 
 def our_rate_gains(plan: Plan) -> PIGains:
-    """Gains of the plan as those of the rates of course and path angle."""
+    """Gains of the plan for the rates of course and path angle."""
     gains, flight = plan.gain_sets[plan.groups[-1].gains], plan.scenario.flight
-    assert gains is not None  # of the group that was chosen
+    assert gains is not None  # of the chosen group
     return rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
 
 
@@ -147,14 +147,14 @@ def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> 
     k, of_state = inner_feedback(model, feedback)
     C = np.hstack([rows[0] @ model.C, rows[1], rows[2]]) * (1.0 + k)[:, None]
     C[:, :n] -= of_state
-    # An integral that nothing acts on would count as unstable.
+    # An integral without an input would count as unstable.
     used = np.concatenate([np.ones(n, bool), *(rows[i:].any(axis=(0, 1)) for i in (1, 2))])
     B = np.vstack([model.B, np.zeros((2 * p, m))])
     return A[np.ix_(used, used)], B[used], -C[:, used]
 
 
 def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
-    """What the signals of `LOGGED` stay below in `SHARE` of the time, NaN of one that is absent."""
+    """Quantiles at `SHARE` of the signals of `LOGGED`; NaN for a missing signal."""
     kept = run.signals.reindex(columns=[*LOGGED]).abs().quantile(SHARE)
     return [value * factor for value, (*_, factor) in zip(kept, LOGGED.values(), strict=True)]
 
@@ -186,33 +186,32 @@ def compare(  # type: ignore[misc]
     changes: Mapping[str, Any] | None = None,
     **by: Unpack[FlownBy],
 ) -> Comparison | Beside:
-    """Hold runs against those of the first source, or gains against the guidance flown now.
+    """Compare runs with the runs of the first source, or gains with the present guidance.
 
     With `autopilot` the flights of a mission, scenario or campaign are flown by its gains and by
-    the guidance of PX4 or ArduPilot with the user's parameters, on the same draws. The guidance is
-    the published equations of NPFG or L1, and of the balance of TECS, above the inner loop and the
-    throttle of the aircraft here; it follows the planned path itself, arcs included.
+    the guidance of PX4 or ArduPilot with the user's parameters, on the same draws. The guidance
+    consists of the published equations of NPFG or L1 and of TECS, above this program's inner loop
+    and throttle. It follows the planned path itself, with its arcs.
 
     Parameters
     ----------
     a : str, path-like, Run, FlownScenario, Source, Flights, Scenario, Campaign or Plan
-        Source that the others are compared with. A string is anything `load_source` takes: a run
-        folder, a Parquet file, a recording or ``scenario@gains``. With `autopilot`, flights as
-        `flights` takes them, or ``SCENARIO@GAINS``.
+        Source to compare with. A string may name a run folder, a Parquet file, a recording or
+        ``scenario@gains``. With `autopilot`: a source for `flights`, or ``SCENARIO@GAINS``.
     others : str, path-like, Run, FlownScenario or Source
-        Further sources. Without any, the first run of `a` is compared with each of its others.
+        Further sources. Without any, the first run of `a` is compared with its other runs.
     columns : mapping or sequence
-        Where a log has its signals, as for `load_log`.
+        Columns of the signals in a log, as for `load_log`.
     autopilot : str or Path, optional
-        Compare with what this autopilot flies: its parameters as QGroundControl (.params) or
-        Mission Planner (.param, .parm) writes them, or its log (.ulg, .bin, .tlog).
+        Compare with the guidance of this autopilot: its parameters from QGroundControl (.params) or
+        Mission Planner (.param, .parm), or its log (.ulg, .bin, .tlog).
     version : str, optional
-        Version of the autopilot, such as 1.15, by default that of the file.
+        Version of the autopilot, such as 1.15, by default from the file.
     log : str, optional
         Check the guidance by a log that was flown with these parameters; LOG@START:END for a part
         of it in s.
     flights : int, optional
-        Draws to fly, each with both, by default 93.
+        Number of draws to fly with both, by default 93.
     aircraft : str, optional
         Aircraft that flies a mission, by default aerosonde.
     seed, changes, workers, scheduler, observer : as for `band`
@@ -221,16 +220,16 @@ def compare(  # type: ignore[misc]
     Returns
     -------
     Comparison or Beside
-        Of runs, with `comparable` False and a reason where the manoeuvres (start, length,
-        reference) or aircraft differ. A kinematic plant may be compared with an aircraft. Where one
-        of two runs ended early, both are measured over the time both flew. Beside an autopilot, the
-        `accuracy` and `margins` of both, and the `rows` of all flights.
+        For runs: `comparable` is False, with a reason, if the manoeuvres (start, length, reference)
+        or aircraft differ. A kinematic plant may be compared with an aircraft. If one of two runs
+        ended early, both are measured over their common time. With an autopilot: the `accuracy` and
+        `margins` of both, and the `rows` of all flights.
 
     Raises
     ------
     InputError
-        If there is nothing to compare with, a source cannot be read or flown, or the parameters are
-        of no aeroplane.
+        If there is nothing to compare with, a source cannot be read or flown, or the parameters do
+        not belong to an aeroplane.
     StoppedError
         If the observer stopped the flights.
 
@@ -264,7 +263,7 @@ def compare(  # type: ignore[misc]
         try:
             counted_flights.check_random(stated.place, with_others, plan.campaign.central)
         except InputError:
-            flights = 1  # all would be the same
+            flights = 1  # all flights would be equal
     plan = plan.with_runs(flights * len(plan.groups))
     logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
     with WorkerPool(fliers) as pool:
@@ -277,7 +276,7 @@ def compare(  # type: ignore[misc]
 
 
 def _check_one_airspeed(place: str, scenario: Scenario) -> None:
-    """Refuse changes of the airspeed, which are not emulated, with what flies it at one."""
+    """Refuse changes of airspeed, which are not emulated, and name the remedy."""
     if not scenario.airspeed:
         return
     start = f"{scenario.flight.V_a_mps:g}"
@@ -296,7 +295,7 @@ def _check_one_airspeed(place: str, scenario: Scenario) -> None:
 
 
 def _with_guidance(plan: Plan, now: Flown) -> Plan:
-    """A plan of one group with the guidance of the user before it, on the same draws."""
+    """A plan of one group, with the user's guidance before it, on the same draws."""
     (group,), scenario = plan.groups, plan.scenario
     law = {"name": YOURS, "kind": now.law.kind, "parameters": dict(now.law.parameters)}
     laws = [table.model_dump(exclude_none=True) for table in scenario.law_tables]
@@ -314,7 +313,7 @@ def _with_guidance(plan: Plan, now: Flown) -> Plan:
 def _logged(
     log: str, columns: Columns, now: Flown, version: str | None
 ) -> tuple[list[float], list[str]]:
-    """The bounds that the signals of a log keep, and sentences of what differs from the flights."""
+    """Quantiles of the signals of a log, and sentences on differences from the flights."""
     run, place = load_part(str(log), columns), Path(str(log).partition("@")[0])
     kept = _kept(run, None)
     if np.isnan(kept).all():
@@ -327,7 +326,7 @@ def _logged(
 
 
 def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """The log between the least and the largest of the flights with the user's guidance."""
+    """The log's tracking between minimum and maximum of the flights with the user's guidance."""
     flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
     kept = pd.DataFrame(flown["kept"].tolist(), columns=[*LOGGED])
     words, units, _ = zip(*LOGGED.values(), strict=True)
@@ -336,7 +335,7 @@ def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any
 
 
 def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
-    """Whether the log lies among the flights."""
+    """A sentence on whether the log lies within the range of the flights."""
     inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
     outside = [x["of"] for x in tracking if x["of"] not in inside]
     yours = "the flights with your guidance"

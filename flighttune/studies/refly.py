@@ -1,4 +1,4 @@
-"""Fly runs of recordings, campaigns and bands again, and compare them to the bit."""
+"""Repeat runs of recordings, campaigns and bands, and compare them to the bit."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ from flighttune.flight.records.refly import (
     reflights,
 )
 
-# Runs drawn of a campaign or band by default.
+# Default number of random runs of a campaign or band.
 DRAWN = 5
 
 FLOWN = "recording, its folder, the Parquet file of a run, the folder of a campaign, or a band"
@@ -54,42 +54,42 @@ def refly(
 ) -> Reflown:
     """Fly recorded runs, rows of a campaign or flights of a band again; compare them to the bit.
 
-    A flight takes as long as in `fly`; those of a band are flown by one process per core.
+    A flight takes as long as in `fly`; one process per core flies the flights of a band.
 
     Parameters
     ----------
     source : str, Path, Recording, Dataset, Band or sequence of Run
         A recording, its folder or a Parquet file of one run: all runs are flown again, from the
-        scenario and seed in them. The folder of a campaign, or the file of a band; or what `load`
-        returns of these.
+        scenario and seed in them. The folder of a campaign, or the file of a band; or a result of
+        `load`.
     run : int, optional
-        Number of the run in a campaign (column `run`), or of the draw of a band; by default some
-        are drawn at random.
+        Number of the run in a campaign (column `run`), or of the draw of a band; by default random
+        runs.
     count : int, optional
-        Number of runs drawn at random of a campaign or band, by default 5; not with `run`.
+        Number of random runs of a campaign or band, by default 5; not with `run`.
     run_code : bool
         Run the Python files that the runs name; without it such runs are refused.
     laws, plants : mapping of str to callable, optional
-        As for `fly`, where recorded runs were flown with them.
+        As for `fly`, if recorded runs were flown with them.
     progress : callable, optional
-        Called with how far each flight is.
+        Called with the progress of each flight.
     workers, scheduler, observer : as for `band`
-        Of flights of a band.
+        They apply to flights of a band.
 
     Returns
     -------
     Reflown
-        If one `run` was stated it has the flight too, with the band around it.
+        With `run` it also has the flight, with the band around it.
 
     Raises
     ------
     RecordingError
-        If there are no such runs, they are of several scenarios, or not flown as their scenario
-        says (a rung of a ladder, a figure of the paper).
+        If there are no such runs, they belong to several scenarios, or they were not flown by their
+        scenario (a rung of a ladder, a figure of the paper).
     ScenarioError
-        If a scenario cannot be read, being from another version, or its code may not run.
+        If a scenario from another version cannot be read, or its code may not run.
     InputError
-        If `count` is given where no runs are drawn, a band has fewer flights, or the files of an
+        If `count` is given without random runs, a band has fewer flights, or the files of an
         aircraft have changed since.
 
     Examples
@@ -116,9 +116,9 @@ def refly(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """What is asked of `refly`, whatever is flown again."""
+    """Arguments of `refly`, for any source."""
 
-    file: str  # empty for a value
+    file: str  # name of the file; empty for a value
     run: int | None
     count: int | None
     laws: Mapping[str, LawMaker] | None
@@ -129,7 +129,7 @@ class _Asked:
 
 @singledispatch
 def _again(runs: Sequence[Run], asked: _Asked) -> Reflown:
-    """Fly recorded runs again, or what a campaign or count draws of its flights."""
+    """Repeat recorded runs, or random flights of a campaign or count."""
     return _all_again(runs, "the runs", asked)
 
 
@@ -166,7 +166,7 @@ def _of_band(band: Band, asked: _Asked) -> Reflown:
 
 
 def _all_again(runs: Sequence[Run], name: str, asked: _Asked) -> Reflown:
-    """Fly all of some runs again."""
+    """Repeat all of some runs."""
     for key, value in {"run": asked.run, "count": asked.count}.items():
         if value is not None:
             raise InputError(f"{name}: `{key}` must be absent: all runs of a recording fly again.")
@@ -177,7 +177,7 @@ def _all_again(runs: Sequence[Run], name: str, asked: _Asked) -> Reflown:
 
 
 def _drawn_again(plan: Plan, name: str, checked: Iterator[CheckedRun], asked: _Asked) -> Reflown:
-    """Check runs of a plan, and fly the one that is asked for by its number."""
+    """Check runs of a plan, and fly the run requested by number."""
     with naming(name, ScenarioError):
         ask_to_fly(plan.scenario, plan.flown)
     runs = tuple(checked)
@@ -186,13 +186,13 @@ def _drawn_again(plan: Plan, name: str, checked: Iterator[CheckedRun], asked: _A
 
 
 def _rows_again(dataset: Dataset, name: str, asked: _Asked) -> Iterator[CheckedRun]:
-    """Rows of a campaign against their runs."""
+    """Check rows of a campaign against repeated runs."""
     plan = dataset.plan
     if asked.run is not None:
         runs = [asked.run]
     else:
         rows = dataset.rows(["run", "status"]).to_pylist()
-        # others may crash or hang again, in this process
+        # other runs may crash or hang this process
         numbers = [row["run"] for row in rows if row["status"] not in ("crashed", "timed_out")]
         drawn = np.random.default_rng().choice(
             numbers, min(asked.count or DRAWN, len(numbers)), replace=False
@@ -214,7 +214,7 @@ def _rows_again(dataset: Dataset, name: str, asked: _Asked) -> Iterator[CheckedR
 
 
 def _draws_again(band: Counted, name: str, asked: _Asked) -> Iterator[CheckedRun]:
-    """Flights of a band against the extremes that it keeps of them."""
+    """Check the extremes of a band against repeated flights."""
     plan, run = plan_of(band), asked.run
     completed = dict(zip(band.draws, np.isfinite(band.scores), strict=True))
     if run is not None and run not in completed:

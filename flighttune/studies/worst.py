@@ -1,4 +1,4 @@
-"""The worst flight of a stated set, searched for."""
+"""The search for the worst flight of a stated set."""
 
 import math
 import warnings
@@ -53,39 +53,39 @@ from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 # Metric: largest excess over a requirement relative to its bound; 0 just meets it.
 MARGIN = "margin"
 
-# Metric: share of a tube that the errors use; beyond 1 they leave it.
+# Metric: share of a tube that the errors use; above 1 they leave it.
 TUBE = "tube"
 
-# Metric: share of a band that a flight uses; beyond 1 it is outside.
+# Metric: share of a band that a flight uses; above 1 it is outside.
 BAND = "band"
 
-# Share of the stated distribution inside the region searched.
+# Share of the stated distribution inside the searched region.
 REGION = 0.999
 
-# Flights of a generation: enough to keep workers busy.
+# Flights per generation, enough to keep workers busy.
 POPULATION = 32
 
-# Every this many generations the worst draw so far is flown with other seeds.
+# Number of generations after which the worst draw so far is flown with other seeds.
 SEEDS_EVERY = 6
 
 # First step of a search about the worst draw so far, in standard deviations.
 SPREAD = 0.5
 
-# Share of a tube by which a flight from a corner of the starts may be outside: starts in files are
-# in deg, and the edge of the tube is that corner.
+# Tolerance, as a share of a tube, for a flight from a corner of the starts: starts in files are in
+# deg, and the corner is on the edge of the tube.
 ROUNDING = 1e-9
 
-# Value of a flight that was not flown to its end, beyond all others.
+# Value of an incomplete flight, above all others.
 FAILED = 1e3
 
 Seeds = npt.NDArray[np.int64]
 Indices = npt.NDArray[np.intp]
 
-# Intervals of a flight in each of which the sensitivity to a bang-bang disturbance is measured, and
-# times at which the disturbances of a round push an error.
+# Number of intervals of a flight for the sensitivity to a bang-bang disturbance, and number of
+# target times in a round.
 INTERVALS, TARGETS = 45, 25
 
-# Plan of the flights of a claim, settings of a `StatedSet` for them, and the claim if it is a tube.
+# Plan of a claim's flights, settings of their `StatedSet`, and the claim if it is a tube.
 Searched: TypeAlias = tuple[Plan, dict[str, Any], Tube | None]
 
 # Values of the metric for n draws, larger is worse. The arguments are normal scores before
@@ -101,33 +101,34 @@ class WorstFlight(Answering):
     Attributes
     ----------
     scenario : Scenario
-        This flight alone, which `fly` flies.
+        The scenario of this flight, for `fly`.
     metric : str
-        The quantity that was maximised.
+        The maximised quantity.
     value : float
         Its value; infinite for a flight that ended early.
     first : float
-        Worst value of the first generation, which is drawn from the distribution.
+        Worst value of the first generation, drawn from the distribution.
     flights : int
         Number of flights.
     family : "bang_bang", "square_wave" or None
         Disturbance of the flight.
     distance, radius : float or None
-        Distance from the median in standard normal space, and radius of the region searched; None
+        Distance from the median in standard normal space, and radius of the searched region; None
         for a bang-bang disturbance.
     status, missed, plant, gains : str
-        Outcome, requirements missed, and labels of the flight.
+        Outcome, missed requirements, and labels of the flight.
     drawn : mapping
         Dispersed keys and the seed, or amplitudes and switching times.
     ratio, ratio_of_search : mapping of str to float, or None
-        With a tube: its largest half width over the largest distance from its middle, by channel,
-        of this flight and of all flights of the search; below 1 the tube is left.
+        With a tube: its largest half width relative to the largest distance from its middle, by
+        channel, for this flight and for all flights of the search; below 1 a flight leaves the
+        tube.
     endings : sequence of mapping
-        ``run``, ``status`` and ``reason`` of the flights of the search that were not completed.
+        ``run``, ``status`` and ``reason`` of incomplete flights of the search.
     compiled : CompiledFlights
         How many flights of the search were compiled, and how many JSBSim flew, again or alone.
     contradicts : bool
-        Whether the flight leaves a tube that is proven for it, which is then wrong.
+        Whether the flight leaves its proven tube, which is then wrong.
 
     Examples
     --------
@@ -185,19 +186,19 @@ def worst(
     ----------
     source : Flights, Scenario, Campaign, Plan, Tube, Band, str or Path
         A campaign (file, shipped name or folder), whose dispersions are searched, a scenario with
-        `start_deg` or `disturbance`, or the file of a tube or band: its flights are searched for
-        the one nearest to its edge.
+        `start_deg` or `disturbance`, or the file of a tube or band, whose flights are searched for
+        the flight nearest to the edge.
     claim : Tube, Path or str, optional
-        Tube to whose bounds the flight shall come closest; the answer says how many times wider it
+        Tube whose bounds the flight should approach; the answer tells how many times wider the tube
         is.
     budget : int
         Maximum number of flights.
     metric : str, optional
         Metric to maximise: a column of a campaign's rows, or ``margin``, the largest excess over a
-        requirement relative to its bound, by default margin if there are requirements, else
+        requirement relative to its bound; by default margin if there are requirements, else
         ``chi.ITAE``.
     gains : str, optional
-        Gain set by name or file, by default the one tuned for the aircraft, else the first.
+        Gain set by name or file, by default the set tuned for the aircraft, else the first.
     plant : str, optional
         Label of the plant, by default the first.
     completed : bool
@@ -213,7 +214,7 @@ def worst(
     run_code : bool
         Run Python files that the folder of a campaign or the file of a band names.
     workers : int, optional
-        Processes that fly on this machine, by default one per core; the flight does not depend on
+        Processes that fly on this machine, by default one per core; the result does not depend on
         them.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
@@ -227,8 +228,8 @@ def worst(
     Raises
     ------
     InputError, ScenarioError
-        If source, gains or plant are not there, nothing is dispersed, the budget is too small, or
-        other flights are asked for than those of a tube or band.
+        If source, gains or plant do not exist, nothing is dispersed, the budget is too small, or
+        other flights than a tube's or band's own are requested.
     StoppedError
         If the observer stopped the search.
 
@@ -274,11 +275,12 @@ def worst(
     if tube is None or bounds is None:
         return flight
     of_search = {
-        channel: 1.0 / share if share else math.inf  # no flight came to its end
+        channel: 1.0 / share if share else math.inf  # no flight was completed
         for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
     }
     (run,) = fly(flight.scenario).runs
-    # That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
+    # The tube of an aircraft covers only flights with residual rates inside its boxes, which are
+    # counted.
     proven = tube.problem.boxes is None and not tube.why_not(run)
     return replace(
         flight,
@@ -290,7 +292,7 @@ def worst(
 
 @singledispatch
 def _flights_of(claim: Certificate | RateBound, place: str) -> Searched:
-    """The flights of a claim, and how they are searched."""
+    """The flights of a claim, and the settings of the search."""
     del claim
     raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
 
@@ -314,7 +316,7 @@ def _of_tube(claim: Tube, place: str) -> Searched:
     if claim.status != "bounded":
         raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
     problem, sizes = claim.problem, (0.0, 0.0)
-    if problem.boxes is None:  # with boxes, what disturbs the model is no disturbance of a flight
+    if problem.boxes is None:  # with boxes, flights have no disturbance
         chi, gamma = problem.disturbances[1].max(axis=0).tolist()
         sizes = chi, gamma
     if not (problem.start or any(sizes)):
@@ -331,7 +333,7 @@ def _of_tube(claim: Tube, place: str) -> Searched:
 
 
 class StatedSet:
-    """The flights of a plan of one group: flies them and keeps the worst."""
+    """The flights of a plan with one group; it flies them and keeps the worst."""
 
     def __init__(
         self,
@@ -348,11 +350,12 @@ class StatedSet:
         tables = plan.scenario.expected(group.plant, group.gains)
         bounded = any(table.at_most or table.at_least for table in tables)
         self.plan, self.metric = plan, metric or (MARGIN if bounded else "chi.ITAE")
-        self.disturbances = sizes  # of both rates, rad/s
+        self.disturbances = sizes  # bound on both rates, rad/s
         self.flights = 0
         self.worst: dict[str, Any] = {"value": -math.inf}
         self._made_by: tuple[Plan, Drawn] = plan, {}  # plan and draw of the worst row
-        # largest distance of all flights from the middle of the tube over the largest half width
+        # largest distance of all flights from the middle of the tube, relative to its largest half
+        # width
         self.reach = np.zeros(2)
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes, self.pool = probes or {}, pool
@@ -362,18 +365,19 @@ class StatedSet:
 
         Evolution strategy with covariance matrix adaptation (N. Hansen, "The CMA evolution
         strategy: a tutorial", arXiv 1604.00772) on the normal scores of the dispersed keys; the
-        first generation is drawn from their distribution. The region is the ball that holds the
-        share `REGION` of that distribution; a point outside is moved to its surface. The seed of
-        turbulence and noise is that of the worst flight so far; every `SEEDS_EVERY` generations
-        that flight is flown with other seeds. With a disturbance, up to half of the budget is first
-        spent on bang-bang disturbances.
+        first generation is drawn from their distribution. The region is the ball with the share
+        `REGION` of this distribution; a point outside is moved to its surface. Turbulence and noise
+        use the seed of the worst flight so far; every `SEEDS_EVERY` generations this flight is
+        flown with other seeds. With a disturbance, up to half of the budget is first spent on
+        bang-bang disturbances.
         """
         check_at_least(POPULATION, budget=budget)
         self.pool.progress.budget = budget
         family, keys = None, self.plan.keys
         if any(self.disturbances):
             family = "square_wave"
-            # In a tube one channel at a time: else only the one nearer to its bound is searched.
+            # In a tube one channel at a time; else only the channel nearer to its bound would be
+            # searched.
             channels = (0, 1) if TUBE in self._probes else (None,)
             for channel in channels:
                 self._fly_bang_bang(budget // 2 // len(channels), channel)
@@ -405,13 +409,13 @@ class StatedSet:
         return self._fly(self.plan.with_runs(len(draws)), draws)
 
     def _fly_bang_bang(self, budget: int, channel: int | None) -> None:
-        """Push each error, or that of one channel, at some times as far as a disturbance can.
+        """Maximise each error, or one channel's error, at some times by a bang-bang disturbance.
 
         A flight is an array of signs, shape (1 + samples, 2): of the deviations of the start, then
-        of the disturbances from each sample to the next. For a linear loop the disturbance
-        ``d_k = D sign(de(T)/dd_k)`` is the worst there is for the error at time T. The first
-        derivatives are about a disturbance that alternates, which hardly moves the flight; limits
-        bend the loop, so that those of later rounds are about the worst flight so far.
+        of the disturbances from each sample to the next. For a linear loop ``d_k = D
+        sign(de(T)/dd_k)`` is the worst disturbance for the error at time T. The first derivatives
+        are taken about an alternating disturbance, which hardly moves the flight. Limits make the
+        loop nonlinear, so the derivatives of later rounds are taken about the worst flight so far.
         """
         scenario, pushed = self.plan.scenario, (0, 1) if channel is None else (channel,)
         samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)
@@ -421,7 +425,8 @@ class StatedSet:
         signs, worst = np.ones((1 + samples, 2)), -np.inf
         for block in blocks[::2]:
             signs[block] = -1.0
-        # A round: the middle, a change of each channel in each block, both senses of each target.
+        # A round: the middle, a change of each channel in each block, and both signs of each
+        # target.
         cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
         while budget >= cost:
             budget -= cost
@@ -464,7 +469,7 @@ class StatedSet:
         return [None if flat is None else np.reshape(flat, (-1, 2)) for flat in errors]
 
     def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
-        """Fly draws and return the metric of each, or its reach in one `channel` of the tube."""
+        """Fly draws and return the metric of each, or its reach in one `channel` of a tube."""
         rows = self._rows(plan, draws, self._probes)
         values = np.array([value_of(row, self.metric, plan.scenario) for row in rows])
         values[values >= FAILED] = self._lost
@@ -485,14 +490,14 @@ class StatedSet:
 
 
 def region_radius(dimension: int) -> float:
-    """Radius of the ball that holds `REGION` of a standard normal distribution."""
+    """Radius of the ball with the share `REGION` of a standard normal distribution."""
     return math.sqrt(float(chdtri(dimension, 1.0 - REGION)))
 
 
 def search_worst(
     values: Objective, dimension: int, *, budget: int, seed: int
 ) -> tuple[FloatArray, int, float]:
-    """The worst of `budget` points of the region, its seed, and the worst of the first ones."""
+    """The worst of `budget` points of the region, its seed, and the first generation's worst."""
     warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
     import cma
 
@@ -510,7 +515,8 @@ def search_worst(
     first, strategy = worst, None
     for generation in range(1, budget // POPULATION):
         if generation % SEEDS_EVERY == 0:
-            # The worst point so far is flown with other seeds: turbulence may have been kind to it.
+            # The worst point so far is flown with other seeds, since its turbulence may have been
+            # mild.
             z = asked = np.tile(best, (POPULATION, 1))
             seeds = rng.integers(0, 2**31, POPULATION)
         else:
@@ -529,13 +535,13 @@ def search_worst(
         if objective[place] > worst:
             best, worst = z[place], float(objective[place])
             if seeds[place] != chance:
-                # With another seed the objective is another function: the strategy starts anew.
+                # Another seed changes the objective function, so the strategy restarts.
                 chance, strategy = int(seeds[place]), None
     return best, chance, first
 
 
 def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:
-    """The flight with one channel of a block set to the sign that is rarer in it."""
+    """The flight with one channel of a block set to its rarer sign."""
     other = signs.copy()
     other[block, channel] = -1.0 if signs[block, channel].sum() >= 0.0 else 1.0
     return other

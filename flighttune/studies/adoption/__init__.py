@@ -1,1 +1,1 @@
-"""Aircraft that every command takes, made from JSBSim models: survey, design, identification."""
+"""Aircraft for every command, made from JSBSim models: survey, design, identification."""

@@ -75,7 +75,7 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 AIRCRAFT, TURN, PAGE = "aircraft.toml", "turn.toml", "adoption.html"
 
-REFUSED = "# refused: "  # in the draft of a refused aircraft
+REFUSED = "# refused: "  # comment in the draft of a refused aircraft
 
 LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed flight
 
@@ -84,40 +84,41 @@ LAW, TUNED, PAPER = "exact", "tuned_fed_back", "paper_scaled"  # law and gain se
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 Say: TypeAlias = Callable[[str], object]  # called with the name of each stage
 
-# Errors that must be calm in the last quarter of the turn: largest standard deviation, deg.
+# Largest standard deviation of errors in the last quarter of the turn, deg.
 SWINGS = {"chi": "course error", "gamma": "error of the path angle"}
 CALM_DEG = 0.5
 
 RECORD = "adoption.json"
 
-# Largest derivative of an airframe, in SI and rad.
+# Largest plausible derivative of an airframe, in SI and rad.
 MAX_SLOPE = 1e9
 
-# Largest glide ratio of an aeroplane: the best gliders have it.
+# Largest glide ratio of an aeroplane, that of the best gliders.
 MAX_GLIDE_RATIO = 75.0
 
-DIGITS = 5  # significant digits of the files written
+DIGITS = 5  # significant digits of written files
 
-# Findings of a survey that are told of a refused model too.
+# Findings of a survey that are also reported for a refused model.
 FACTS = "V_a glide_ratio largest_drag switched_off notes"
 
-# Files that every try writes.
+# Files that every attempt writes.
 WRITTEN = (AIRCRAFT, GAINS_FILE, FILE_NAME, TURN)
 
-# Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
+# Shares of the bandwidths to try in turn until a flight meets the criteria.
 BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
 
-# Factors on the chosen airspeed for last tries after them.
+# Factors on the chosen airspeed for the last attempts after them.
 AIRSPEED_FACTORS = 1.25, 1.4
 
-# Factor on the roll rate of the very last try: spoilers that roll an aircraft spill its lift.
+# Factor on the roll rate of the final attempt, because spoilers that roll an aircraft reduce its
+# lift.
 GENTLE = 0.4
 
-# No further try begins after this time of the processor, s.
+# No further attempt begins after this processor time, s.
 TIME_LEFT = 100.0
 
-# Height of the flights if none is given, m; the longest glide from there, and how much steeper than
-# a steady one it is, s and rad.
+# Default height of the flights, m; duration of the longest glide from there, s, and its extra
+# steepness over a steady glide, rad.
 HEIGHT = 1000.0
 GLIDE_S, STEEPER = 60.0, 3.0 * DEG
 
@@ -126,60 +127,60 @@ ROLL_BANDWIDTHS, LOAD_BANDWIDTHS = (0.5, 4.0), (0.8, 8.0)
 
 MAX_ROLL_RATE = 30.0 * DEG
 
-# Share of the roll rate at full aileron that commands use.
+# Share of full aileron's roll rate that commands use.
 ROLL_RATE_USED = 0.4
 
-# Damping of the roll, over the stiffness of its error, that makes the error slow.
+# Ratio of roll damping to the stiffness of its error above which the error is slow.
 MUCH_DAMPING = 3.0
 
-# Share of full aileron that commands use to start a roll.
+# Share of full aileron for starting a roll.
 AILERON_USED = 0.8
 
-# Share of the lift that the commands use.
+# Share of the maximum lift that commands use.
 LIFT_USED = 0.85
 
 MAX_LOAD_FACTOR, MIN_LOAD_FACTOR = 3.0, -1.0
 
-# The lowest load factor is at most this, so that there is room below level flight.
+# Upper bound of the lowest load factor, which leaves room below level flight.
 LARGEST_LOWEST = 0.7
 
-# Smallest load factor that must be available for a turn.
+# Minimum available load factor for a turn.
 MIN_TURN_LOAD_FACTOR = 1.5
 
-# Largest bandwidth of load factor over the zero of the elevator in the right half plane.
+# Largest bandwidth of load factor, relative to the elevator's right-half-plane zero.
 NON_MINIMUM_PHASE = 0.6
 MAX_BANK = 45.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Adoption(Answering):
-    """Result of adopting a model."""
+    """Result of the adoption of a model."""
 
     name: str
     status: Status
-    reason: str = ""  # why it is not adopted; empty where it is
-    folder: Path | None = None  # of the aircraft; None where it is refused
-    # ``aircraft.toml`` of a refused one, as far as it is known; None where an aircraft stands
+    reason: str = ""  # reason of a refusal; empty for an adopted model
+    folder: Path | None = None  # folder of the aircraft; None for a refused model
+    # ``aircraft.toml`` of a refused model, as far as known; None if an aircraft stands there
     draft: Path | None = None
-    V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
+    V_a: float = math.nan  # m/s: chosen airspeed, or NaN
     engines: int = 0
-    fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
+    fit_percent: Mapping[str, float] = field(default_factory=dict)  # fits of ``phi`` and ``n_z``
     # ``tuned`` and ``paper``: ``status``, by channel ``ITAE`` (rad s^2) and ``ST_deg``, and the
     # commands that are ``swinging`` between limits
     flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     glide_ratio: float = math.nan  # lift over drag at `V_a`
-    largest_drag: tuple[str, float] = ("", math.nan)  # a function of the drag, and its share
-    # functions of the aerodynamics that are 0 as properties of another simulator are
+    largest_drag: tuple[str, float] = ("", math.nan)  # largest function of the drag, and its share
+    # functions of the aerodynamics that are 0 because properties of another simulator are 0
     switched_off: tuple[SwitchedOff, ...] = ()
-    notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
+    notes: tuple[str, ...] = ()  # changes of the model, one sentence each
     not_compiled: str = ""  # why JSBSim flies all its flights; empty if long ones are compiled
     seconds: float = 0.0  # wall time of the adoption
-    # Results of the stages, for the page; None where a stage was not reached
+    # Results of the stages, for the page; None for a stage that was not reached
     steps: Sequence[StepResponse] = ()
     identified: AircraftIdentification | None = None
     turn: FlownScenario | None = None
     trims: Sequence[Mapping[str, Any]] = ()
-    texts: Mapping[str, str] = field(default_factory=dict)  # of the files in the folder, by name
+    texts: Mapping[str, str] = field(default_factory=dict)  # texts of the files, by name
 
     @property
     def turn_name(self) -> str:
@@ -203,17 +204,17 @@ def adopt(
     """Make an aircraft from a JSBSim model, and fly it; this takes about a minute.
 
     ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are written
-    together at the end; of a model that is refused ``aircraft.toml`` as far as it is known, unless
-    an aircraft was adopted there before, which stays as it is.
+    together at the end. For a refused model only a partial ``aircraft.toml`` is written, unless an
+    aircraft was adopted there before, which then stays unchanged.
 
     Parameters
     ----------
     model : str
-        A model that comes with JSBSim, or the main file of another, or its folder; also the file
-        ``NAME-set.xml`` of an aircraft of FlightGear, or the folder that holds it. Values of
-        properties that such a file states are taken, also where it lies beside a main file.
+        A model that comes with JSBSim, or the main file of another model, or its folder; also the
+        file ``NAME-set.xml`` of a FlightGear aircraft, or its folder. Values of properties in such
+        a file are used, also if it lies beside a main file.
     folder : Path
-        Folder of the aircraft; made if need be.
+        Folder of the aircraft; made if needed.
     V_a : float, m/s, optional
         Airspeed, by default chosen by the model.
     h : float, m, optional
@@ -221,26 +222,26 @@ def adopt(
     values : mapping of str to float, optional
         Values of properties of the model, in its units, for the whole flight.
     throttle : str, optional
-        Property that takes the throttle of the first engine, by default found by what moves it.
+        Property for the throttle of the first engine, by default found by experiment.
     commands : mapping of str to sequence of str, optional
-        Properties that take the command of the ``aileron``, ``elevator`` or ``rudder``; one with a
-        minus before it takes the negative. By default they are found by what they move.
+        Properties for the commands of ``aileron``, ``elevator`` or ``rudder``; a minus before a
+        name reverses the sense. By default they are found by experiment.
     glide : bool
         Leave the engines off.
     rudder : bool
-        Whether a rudder is used; without one, yaw is left to the airframe.
+        Whether a rudder is used; without a rudder, yaw is left to the airframe.
     say : callable
         Called with the name of each stage.
 
     Returns
     -------
     Adoption
-        A model that is no aeroplane is refused in it, with the reason.
+        It refuses a model that is not an aeroplane, with the reason.
 
     Raises
     ------
     InputError
-        If there is no such model, or the folder holds an aircraft of another origin.
+        If there is no such model, or the folder has an aircraft of another origin.
     OutputError
         If a file cannot be written.
 
@@ -260,7 +261,7 @@ def adopt(
     stands = _stands(folder)
     choices = {"V_a": V_a, "say": say, "values": values or {}, "glide": glide, "stated": stated}
     temporary = allowed("the temporary folder", "writable", OutputError)
-    # What stands in `folder` does so to the end. Its name is a part of the files.
+    # The content of `folder` stays until the end. Its name is part of the files.
     with temporary, apart(), scratch_folder() as scratch:
         built = made_folder(Path(scratch) / folder.absolute().name)
         tables = wide_tables(_from(model, folder, built))
@@ -285,28 +286,28 @@ def adopt(
     else:
         adoption = replace(adoption, draft=file)
     with together(folder):
-        remove_file(folder / PAGE)  # that of an earlier one
+        remove_file(folder / PAGE)  # the file of an earlier adoption
         for name, text in texts.items():
             write_text(folder / name, text)
     return adoption
 
 
 def _stands(folder: Path) -> bool:
-    """Whether a folder holds an aircraft that was adopted, and not the draft of a refused one."""
+    """Whether a folder has an adopted aircraft, not the draft of a refused model."""
     file = folder / AIRCRAFT
     whole = any((folder / name).exists() for name in (GAINS_FILE, FILE_NAME, RECORD))
     return whole or (file.exists() and REFUSED not in file.read_text(encoding="utf-8"))
 
 
 def _from(model: str, folder: Path, other: Path) -> str:
-    """A model named from a folder as it is named from another one."""
+    """The name of a model relative to another folder."""
     if not model.endswith(".xml"):
         return model
     return os.path.relpath((folder / model).resolve(), other.resolve())
 
 
 def _with_model(text: str, model: str) -> str:
-    """The text of an ``aircraft.toml`` with another name of its model."""
+    """The text of an ``aircraft.toml`` with another model name."""
     document = tomlkit.parse(text)
     document["model"] = model
     return tomlkit.dumps(document)
@@ -319,7 +320,7 @@ def _adopted(
     h: float | None,
     choices: Mapping[str, Any],
 ) -> Adoption:
-    """The adoption of a model in a folder of its own, or why it is refused, with their files."""
+    """The adoption of a model in its own folder, or its refusal, with their files."""
     used, say, facts = time.process_time(), choices["say"], dict[str, Any]()
     as_asked, start = deepcopy(tables), HEIGHT if h is None else h
     try:
@@ -338,7 +339,7 @@ def _adopted(
         reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
         reason = reason.removeprefix(f"{os.path.realpath(folder / tables['model'])}: ")
         if isinstance(error, TrimError):
-            # File and condition stand before it.
+            # The file and condition at the beginning are removed.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
         tried = folder / AIRCRAFT
         if tried.exists():
@@ -351,7 +352,7 @@ def _adopted(
 
 
 def _model(model: str, folder: Path) -> tuple[str, Stated]:
-    """A model as an ``aircraft.toml`` in `folder` names it, and what FlightGear's files state."""
+    """A model as an ``aircraft.toml`` in `folder` names it, and values from FlightGear's files."""
     models, stated = models_of_jsbsim(), UNSTATED
     described = model.endswith(SET) or (model not in models and os.path.isdir(model))
     if described:
@@ -376,7 +377,7 @@ def _set_controls(
     commands: Mapping[str, Sequence[str]],
     rudder: bool,
 ) -> None:
-    """Put the throttle and the commands that were stated into the tables, and take out a rudder."""
+    """Put the given throttle and commands into the tables, and remove an unused rudder."""
     if throttle:
         tables["engines"]["command"] = throttle
     for surface, names in commands.items():
@@ -400,15 +401,15 @@ def _set_controls(
 
 
 def _height_lost(surveyed: Survey) -> float:
-    """Height that the longest glide of an adoption may lose, m; 0 with engines."""
+    """Loss of height in the longest glide of an adoption, m; 0 with engines."""
     gliding = not surveyed.tables["engines"]["count"]
     return gliding * GLIDE_S * surveyed.V_a * (1.0 / surveyed.glide_ratio + math.tan(STEEPER))
 
 
 def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Adoption:
-    """The best of the tries, with its files.
+    """The best attempt, with its files.
 
-    `used`: time of the processor at which the adoption began, s.
+    `used`: processor time at the beginning of the adoption, s.
     """
     best, texts, refused = None, {}, None
     tries = [(share, surveyed.V_a, 1.0) for share in BANDWIDTH_SHARES]
@@ -439,7 +440,7 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
     config = load_aircraft(folder)
     climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
     trims = trim.trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
-    # Criteria of the adoption, with the versions and the hash of the model it was made with.
+    # Criteria of the adoption, with versions and the hash of the model.
     record = {
         "format": "flighttune adoption 2",
         **pick(best, "status reason"),
@@ -456,14 +457,14 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
 
 
 def _merit(tried: Adoption) -> tuple[bool, float]:
-    """Order of the tries: by status, then by the worse of the two fits."""
+    """Order of attempts: by status, then by the worse of the two fits."""
     return tried.status == "adopted", min(tried.fit_percent.values())
 
 
 def _tried(
     surveyed: Survey, folder: Path, h: float, shares: tuple[float, float], say: Say
 ) -> Adoption:
-    """One try: a folder with an aircraft, and how it flies."""
+    """One attempt: a folder with an aircraft, and its flights."""
     wide = aircraft_from(surveyed.tables, folder)
     condition = trim.level(wide, surveyed.V_a, h)
     fdm = Fdm(wide)
@@ -478,7 +479,7 @@ def _tried(
         doubt = f"its glide ratio of {ratio:.0f} is above any aeroplane's: drag may be missing"
         surveyed = surveyed._replace(notes=(*surveyed.notes, doubt))
     tables = final_tables(surveyed, model, h, *shares)
-    (folder / GAINS_FILE).unlink(missing_ok=True)  # those of the try before
+    (folder / GAINS_FILE).unlink(missing_ok=True)  # files of the previous attempt
     (folder / FILE_NAME).unlink(missing_ok=True)
     write_text(folder / AIRCRAFT, aircraft_text(tables, surveyed.notes))
     say("step 6 of 9: designing the inner loop")
@@ -535,7 +536,7 @@ def _measures(flown: FlownScenario, gains: str, plant: str) -> dict[str, Any]:
 def _missed(
     fits: Mapping[str, float], tuned: Mapping[str, Any], paper: Mapping[str, Any]
 ) -> Iterator[str]:
-    """Criteria of an adoption that are not met, a sentence each."""
+    """Missed criteria of an adoption, one sentence each."""
     for channel, fit in fits.items():
         if not fit >= GOOD_FIT:
             yield f"a lag explains {fit:.1f} % of {channel}, less than {GOOD_FIT:g} %"
@@ -568,12 +569,13 @@ def final_tables(
             f"{MIN_TURN_LOAD_FACTOR / LIFT_USED:.2f}"
         )
     lowest = ratio * float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
-    lowest *= LIFT_USED if lowest < 0.0 else 1.0 / LIFT_USED  # on the side of level flight
+    lowest *= LIFT_USED if lowest < 0.0 else 1.0 / LIFT_USED  # above the trim of level flight
     n_z_min = max(min(lowest, LARGEST_LOWEST), MIN_LOAD_FACTOR)
-    # Full aileron rolls at the rate power / damping in the end. Commands use a share of it, and may
-    # take (bandwidth + damping) times their rate of the power. The load factor follows the elevator
-    # the wrong way at first: its bandwidth stays below that zero. Not known: a reason for the
-    # factor 0.12 of the rate of its command, other than that it suits the adopted aircraft.
+    # Full aileron finally rolls at the rate power / damping. Commands use a share of it, and their
+    # rate may use (bandwidth + damping) times the rate of the power. The load factor first responds
+    # to the elevator in the wrong direction, so its bandwidth stays below this zero. Not known: a
+    # reason for the factor 0.12 of the rate of its command, other than that it suits the adopted
+    # aircraft.
     travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
     power = abs(model.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-model.of("p_dot", "p"), 0.1)
@@ -581,8 +583,8 @@ def final_tables(
     roll = share * np.clip(AILERON_USED * power / rate - damping, *ROLL_BANDWIDTHS)
     load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(model), *LOAD_BANDWIDTHS)
     load_rate = np.clip(0.12 * load, 0.3, 1.0)
-    # e'' + damping e' + roll_error^2 e = 0 of an airframe with much damping is slow: its slow pole
-    # shall be where the others have theirs.
+    # With much damping e'' + damping e' + roll_error^2 e = 0 is slow, so its slow pole is placed
+    # like other airframes' poles.
     error = ROLL_STIFFNESS * roll
     stiff = damping > MUCH_DAMPING * error
     roll_error = {"roll_error_rad_s": math.sqrt(error * (damping - error))} if stiff else {}
@@ -599,13 +601,13 @@ def final_tables(
 
 
 def elevator_zero(model: Airframe) -> float:
-    """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none."""
+    """Right-half-plane zero from elevator to load factor, rad/s; inf if there is none."""
     n_e = model.of("n_z", "elevator")
     if not n_e > 0.0:
         return math.inf
     moment = model.slopes["q_dot"]
-    # The zero belongs to the short period: with n_z held at zero, the elevator is
-    # ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
+    # The zero belongs to the short period: with n_z held at zero, the elevator is ``-n_alpha/n_e
+    # alpha``, and the zeros are the roots of the remaining motion.
     stiffness = moment["alpha"] - moment["elevator"] * model.of("n_z", "alpha") / n_e
     damping = moment["q"]
     root = 0.25 * damping**2 + stiffness
@@ -613,7 +615,7 @@ def elevator_zero(model: Airframe) -> float:
 
 
 def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
-    """The text of an ``aircraft.toml``, with what was done to the model as comments."""
+    """The text of an ``aircraft.toml``, with changes of the model as comments."""
     document = tomlkit.document()
     named = ("title", "source", "model", "inner_loop_rate_hz")
     document.update({key: tables[key] for key in named if key in tables})
@@ -623,7 +625,7 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
         if tables.get(name):
             table = tomlkit.table()
             table.comment(comment)
-            # Values of properties stay as they are stated; those of `ft/` are measured.
+            # Given values of properties are unchanged; properties of `ft/` are measured.
             stated = tables[name] if name in ("settings", "declared") else ()
             exact = [key for key in stated if not key.startswith("ft/")]
             for key, value in rounded(tables[name], DIGITS, exact).items():
@@ -634,7 +636,7 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
 
 
 def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str) -> str:
-    """The text of the ``aircraft.toml`` of a refused model: the tables that differ from `begun`."""
+    """The partial ``aircraft.toml`` of a refused model: the tables that differ from `begun`."""
     keys = ("title", "source", "model", "settings", "declared", "linked", "engines", "surfaces")
     changed = [key for key in keys if isinstance(tables[key], str) or tables[key] != begun[key]]
     surveyed = {key: tables[key] for key in changed}
@@ -669,7 +671,7 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
         | ({"speed_priority": True} if tables["engines"]["count"] else {}),
         "tuning": {"model": "identified", "roll_rate": True, "lift_rate": True},
         "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
-        # The paper's gains fly beside: how they end is told, and is no failure.
+        # The paper's gains fly for comparison; their early end is reported but is not a failure.
         "expect": [{"gains": f"{LAW}:{TUNED}", "status": "completed"}],
     }
     return tomlkit.dumps(rounded(scenario, DIGITS))

@@ -1,4 +1,4 @@
-"""FlightGear's files about an aircraft of JSBSim: its main file, and the values that they state."""
+"""FlightGear's files about a JSBSim aircraft: its main file, and the values in them."""
 
 import math
 import os
@@ -18,39 +18,39 @@ from flighttune.base.files.table import shown
 from flighttune.vehicles.aircraft.aircraft import absolute_name
 from flighttune.vehicles.aircraft.model_xml import read_xml
 
-SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
-AERO = "/sim/aero"  # its property that names the main file
+SET = "-set.xml"  # ending of FlightGear's description of an aircraft
+AERO = "/sim/aero"  # property with the name of the main file
 
-# Most files that a description includes, their size together in bytes, and its levels.
+# Maximum number of included files, their total size in bytes, and nesting levels.
 MAX_INCLUDED, MAX_BYTES, MAX_LEVELS = 200, 8_000_000, 60
 
-# Most properties in a row that stand for one another.
+# Maximum length of a chain of aliases.
 MAX_ALIASES = 20
 
-# Beginnings of texts that the C library reads as a whole number, and as a number.
+# Beginnings of texts that the C library reads as an integer and as a number.
 _WHOLE = re.compile(r"\s*[+-]?\d{1,18}")
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 
 class Stated(NamedTuple):
-    """Values that files of FlightGear state, by the paths of properties without indices of 0."""
+    """Values in FlightGear's files, by the paths of properties without indices of 0."""
 
     files: tuple[str, ...] = ()  # names of the files
     values: Mapping[str, float] = MappingProxyType({})
-    differ: frozenset[str] = frozenset()  # paths of which the files state several values
-    # Paths below which an included file was not read, and why
+    differ: frozenset[str] = frozenset()  # paths with several values in the files
+    # Paths below which an included file was not read, with the reason
     unread: tuple[tuple[str, str], ...] = ()
 
     def of(self, name: str) -> float | None:
-        """The value of a property of the model; None where no file states one."""
+        """The value of a property of the model; None if no file has it."""
         return self.values.get(_path(absolute_name(name)))
 
     def several(self, name: str) -> bool:
-        """Whether the files state several values of a property."""
+        """Whether the files have several values of a property."""
         return _path(absolute_name(name)) in self.differ
 
     def faults(self, names: Iterable[str]) -> list[str]:
-        """Reasons why files were not read that may state properties."""
+        """Reasons for unread files that may have properties."""
         paths = [absolute_name(name) for name in names]
         return [why for below, why in self.unread if any(x.startswith(f"{below}/") for x in paths)]
 
@@ -63,7 +63,7 @@ def _path(name: str) -> str:
 
 
 def _number(text: str, kind: str) -> float:
-    """The number that FlightGear takes a text of a type for: 0 where it begins with none."""
+    """The number that FlightGear reads from a text of a type: 0 unless it begins with a number."""
     if kind == "bool" and text == "true":
         return 1.0
     match = (_WHOLE if kind in ("bool", "int", "long") else _NUMBER).match(text)
@@ -85,7 +85,7 @@ class _Tree:
     types: dict[str, str] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
     unread: list[tuple[str, str]] = field(default_factory=list)
-    parents: set[str] = field(default_factory=set)  # paths that have levels below them
+    parents: set[str] = field(default_factory=set)  # paths with sublevels
     included: int = 0
     size: int = 0
 
@@ -94,7 +94,7 @@ class _Tree:
         self._read(self.file, "", (), 0)
 
     def _read(self, file: Path, path: str, within: tuple[Path, ...], level: int) -> None:
-        """Read a file into the level `path`; `within` are the files that include it."""
+        """Read a file into the level `path`; `within`: the files that include it."""
         self.size += file.stat().st_size
         if self.included > MAX_INCLUDED or self.size > MAX_BYTES:
             raise InputError(
@@ -125,16 +125,16 @@ class _Tree:
             self._visit(part, below, within, level + 1)
 
     def _include(self, name: str, path: str, within: tuple[Path, ...], level: int) -> None:
-        """Read the file that an element includes, where it is below the folder of the aircraft."""
+        """Read the file that an element includes, if it is below the aircraft's folder."""
         home = self.file.parent
-        # FlightGear looks beside the file first, then in the folder of the aircraft by its name.
+        # FlightGear searches beside the file first, then in the aircraft's folder.
         own = name.removeprefix(f"Aircraft/{home.name}/")
         places = [within[-1].parent / name, *([home / own] if own != name else [])]
         files = [Path(os.path.realpath(place)) for place in places]
         inside = [file for file in files if file.is_relative_to(home)]
         file = next((file for file in inside if os.path.isfile(file)), None)
         why = "is not there" if inside else "is not in the folder of the aircraft"
-        if file in within:  # it is being read
+        if file in within:  # it includes itself
             return
         if file is not None:
             self.included += 1
@@ -146,7 +146,7 @@ class _Tree:
         self.unread.append((path, f"{shown(name)}, which {within[-1].name} includes, {why}"))
 
     def text(self, path: str) -> str:
-        """The text of a property without blanks around it; empty where it has none."""
+        """The text of a property without surrounding blanks; empty without a text."""
         return self.texts.get(path, "").strip()
 
     def values(self) -> dict[str, float]:
@@ -161,14 +161,14 @@ class _Tree:
 
 
 def stated_beside(main: Path) -> Stated:
-    """What the descriptions in the folder of a main file, or above it, state that name it."""
+    """Values from descriptions of a main file, in its folder or above."""
     main = Path(os.path.realpath(main))
     trees = []
     for folder in (main.parent, main.parent.parent):
         for file in sorted(folder.glob(f"*{SET}")):
             try:
                 tree = _Tree(file) if file.is_file() else None  # a pipe would wait
-            except (PlantError, InputError, OSError):  # it belongs to something else
+            except (PlantError, InputError, OSError):  # it describes something else
                 continue
             if tree and _kind(tree) == "jsb" and _named(tree) == main:
                 trees.append(tree)
@@ -176,9 +176,9 @@ def stated_beside(main: Path) -> Stated:
 
 
 def of_flightgear(path: Path) -> tuple[Path, Stated]:
-    """The main file that a description, or those in a folder, name; and what they state.
+    """The main file that one or all descriptions of a folder name, and their values.
 
-    The only main file of a folder without descriptions stands for it.
+    A folder without descriptions may have a single main file.
     """
     if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
@@ -204,13 +204,13 @@ def of_flightgear(path: Path) -> tuple[Path, Stated]:
 
 
 def _mains(folder: Path) -> list[Path]:
-    """Main files in a folder; that of its name alone, if there is one."""
+    """Main files in a folder; only the file with the folder's name, if it exists."""
     mains = [file for file in sorted(folder.glob("*.xml")) if _is_main(file)]
     return [file for file in mains if file.stem == folder.resolve().name] or mains
 
 
 def _faults(path: Path, trees: Iterable[_Tree]) -> Iterator[str]:
-    """Reasons why no main file is found."""
+    """Reasons for a missing main file."""
     yield from (_fault(file) for file in sorted(path.glob("*.xml")) if file.is_file())
     yield from (f"{file.name}, whose ending must be .xml" for file in sorted(path.glob("*.XML")))
     yield from (why for tree in trees for below, why in tree.unread if below in ("", "/sim"))
@@ -226,7 +226,7 @@ def _named(tree: _Tree) -> Path:
 
 
 def _agreed(trees: Iterable[_Tree]) -> Stated:
-    """Values of which no two descriptions state others."""
+    """Values on which all descriptions agree."""
     names, values, differ = [], dict[str, float](), set[str]()
     unread: list[tuple[str, str]] = []
     for tree in trees:
@@ -243,12 +243,12 @@ def _is_main(file: Path) -> bool:
     try:
         # reading a pipe would wait
         return file.is_file() and read_xml(file, str(file)).tag == "fdm_config"
-    except PlantError:  # it cannot be read, and belongs to something else
+    except PlantError:  # it cannot be read and describes something else
         return False
 
 
 def _fault(file: Path) -> str:
-    """Why a file cannot be read; empty where it can."""
+    """Why a file cannot be read; empty if it can."""
     try:
         read_xml(file, str(file))
     except PlantError as error:

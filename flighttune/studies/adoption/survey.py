@@ -1,4 +1,4 @@
-"""Capabilities of a model, measured by experiment: lift, engines, surfaces, places to fly."""
+"""Capabilities of a model, measured by experiment: lift, engines, surfaces, flight conditions."""
 
 import math
 import re
@@ -38,16 +38,16 @@ from flighttune.vehicles.plants.jsbsim.bench import (
 )
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
-SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
+SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may overwrite
 
-# Largest numbers of properties of another simulator that are declared for a model, and that a
+# Maximum number of another simulator's properties that are declared for a model, and that a
 # sentence names.
 MAX_DECLARED, MAX_NAMED = 1000, 8
 
-# Names of properties of the model, and with a slash of other simulators.
+# Names of the model's properties; with a slash also of other simulators.
 ANY_NAME = PROPERTY_NAME.replace("^", "^/?", 1)
 
-# Time in which a model shows which properties it refers to while it runs, s.
+# Time in which a running model shows its references to properties, s.
 TRIAL_S = 0.1
 
 # The missing property in an error message of JSBSim.
@@ -55,54 +55,54 @@ MISSING = re.compile(
     r"(?:property|node)[^\w/.]*((?:[\w/.-]|\[\d+\])+)\W+(?:does not|is not)", re.IGNORECASE
 )
 
-# The wing stalls where the slope of lift falls below this share of its usual value.
+# The wing stalls when the slope of lift falls below this share of its usual value.
 STALL_SHARE = 1.0 / 3.0
 
 ALPHAS = np.arange(-14.0, 30.5, 1.0) * DEG
 MAX_STALL, MIN_STALL = 18.0 * DEG, -12.0 * DEG
 
-# At the stall an aeroplane has at least this lift coefficient and an airspeed in this range, m/s.
+# Minimum lift coefficient of an aeroplane at the stall, and range of its stall speed, m/s.
 MIN_LIFT = 0.1
 MIN_STALL_SPEED, MAX_STALL_SPEED = 3.0, 300.0
 
 TABLES = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encoding="utf-8"))
 
-# Levers in the order they are tried until every engine pushes: how they stand, and their values.
+# Settings of levers to try until every engine pushes: name and values.
 _LINKED, _FURTHER = TABLES["levers"]["linked"], TABLES["levers"]["further"]
 LEVERS = {"": [], **{how: [*_LINKED, *levers] for how, levers in _FURTHER.items()}}
 
 # Names of the levers of gear, flaps and brakes.
 LEVERS_IN = re.compile(TABLES["levers"]["in"])
 
-# Quantities of a body that must be above zero.
+# Quantities of a body that must be positive.
 BODY = {"mass": "inertia/mass-slugs", "wing area": "metrics/Sw-sqft"} | {
     f"inertia {axes}": f"inertia/i{axes}-slugs_ft2" for axes in ("xx", "yy", "zz")
 }
 
-# A moment of inertia is at most the sum of the two others, with this factor for rounding.
+# A moment of inertia is at most the sum of the other two, with this factor for rounding.
 ROUNDED = 1.01
 
 # Airspeed of the first sweep, m/s.
 FIRST_SPEED = 60.0
 
-# Airspeeds relative to that of the stall, in order of preference.
+# Airspeeds relative to the stall speed, in order of preference.
 SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4)
 
-# Thrust in excess of drag, over weight, that a climb of 3 deg and a turn need.
+# Excess thrust over drag, relative to weight, for a climb of 3 deg and a turn.
 SPARE_THRUST = 0.08
 
-# Thrust over weight that no aeroplane has: the speed of a propeller diverges, or an engine is meant
-# to be used at a part of its throttle.
+# Thrust-to-weight ratio beyond any aeroplane: the speed of a propeller diverges, or an engine is
+# meant for partial throttle.
 MAX_THRUST = 10.0
 
-# Integration steps a second that are tried in turn where the usual ones are too few, 1/s.
+# Integration rates to try in turn if the usual rate is too low, 1/s.
 FINER_RATES = 400.0, 1000.0
 
-# Nutation of the airframe by the angular momentum of a propeller, rad/s, that spoils its control:
+# Nutation of the airframe by a propeller's angular momentum, rad/s, that prevents control: it is
 # above the bandwidth of the inner loop.
 FAST_NUTATION = 8.0
 
-# What is said of an engine that gives no thrust.
+# Words for an engine without thrust.
 ENGINE_SHOWS = "thrust-lbs", "power-hp", "propeller-rpm", "blade-angle", "n1", "n2"
 
 THROTTLE_POSITION = "fcs/throttle-pos-norm"
@@ -111,21 +111,21 @@ PROPELLER_RPM = "propulsion/engine/propeller-rpm"
 
 FUEL, FIRST_TANK = "propulsion/total-fuel-lbs", "propulsion/tank/contents-lbs"
 
-# Thrust that a model gives as an external force along its body axis.
+# External force along the body axis that models use as thrust.
 EXTERNAL = "forces/fbx-external-lbs"
 
-# Names under which aerodynamics read a surface, where they are more than one.
+# Names under which aerodynamics read a surface with several names.
 NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
 
-# Changes of level flight in which every coefficient acts, rad and rad/s, and the least share of an
-# axis that is told of one that is 0.
+# Deviations from level flight in which every coefficient acts, rad and rad/s, and minimum share of
+# an axis for the report of a coefficient that is 0.
 SHAKEN = (
     *(("alpha", 4.0 * DEG), ("beta", 0.1), ("p", 0.2), ("q", 0.2), ("r", 0.2)),
     *(("aileron", 0.1), ("elevator", 0.1), ("rudder", 0.1)),
 )
 LEAST_SHARE = 0.005
 
-# Most values that a note lists.
+# Maximum number of values in a note.
 MAX_LISTED = 60
 
 TINY = 1e-300
@@ -136,64 +136,64 @@ AXIS_WORDS = {"SIDE": "side force", "ROLL": "roll moment", "PITCH": "pitch momen
     "AXIAL": "axial force", "X": "force along x", "Y": "force along y", "Z": "force along z",
 }  # fmt: skip
 
-# Folders of JSBSim's own properties, none of which is the position of a surface.
+# Folders of JSBSim's own properties without positions of surfaces.
 OWN = re.compile(
     "-?/?(accelerations|aero|atmosphere|attitude|flight-path|forces|gear|ic|inertia|metrics|"
     "moments|position|propulsion|simulation|velocities)/"
 )
 
-# Change (rad, or a share) by which a position is tried as a surface, and the share of the largest
-# moment of all that one of the surface gives.
+# Trial change (rad, or a share) of a position that may be a surface, and minimum share of the
+# largest moment for a surface.
 CHANGE, MOVER = 0.1, 0.5
 VERBS = {"aileron": "rolls", "elevator": "pitches"}
 
-# Motions by which level flight is changed, and the change of a position, in its unit, from which
-# flight control moves it.
+# Motions that deviate from level flight, and minimum change of a position, in its unit, that shows
+# flight control.
 STIRRED = (("alpha", 0.0), ("alpha", 4.0 * DEG), ("q", 0.1), ("elevator", 0.1))
 MOVES = 1e-3
 
 GEAR = "gear/gear-pos-norm"
 
-# Positions in which drag is out, and the number of properties tried to put it in.
+# Positions of extended drag devices, and maximum number of properties to try for retracting them.
 OUT = *(f"fcs/{x}-pos-norm" for x in ("speedbrake", "spoiler", "spoilers", "flap")), GEAR
 MAX_TRIED_IN = 100
 
-# Airspeed (m/s) and angle of attack of the states in which a model shows what it refers to.
+# Airspeed (m/s) and angle of attack of the states in which a model shows its references.
 SHOWN_AT = ((60.0, 0.0), (15.0, 8.0 * DEG), (150.0, 0.0), (300.0, 2.0 * DEG))
 
 # Elements of a model's systems.
 SYSTEMS = ("system", "flight_control", "autopilot")
 
-# Departure from the final thrust, as a share of it, below which a thrust has settled.
+# A thrust within this share of its final value has settled.
 SETTLED = 1e-3
 
-# Shortest settling time of engines that do not respond at once, and the longest waited for, s.
+# Minimum settling time of engines that do not respond at once, and maximum wait, s.
 PROPELLER_SETTLES = 15.0
 MAX_SETTLING_S = 40.0
 
-# Time in which an electric propeller slows down, as a multiple of that in which it gains speed.
+# Deceleration time of an electric propeller, relative to its acceleration time.
 SLOWS_DOWN = 6
 
-# Longest settling time that an ``aircraft.toml`` takes, s.
+# Longest settling time in an ``aircraft.toml``, s.
 LONGEST_SETTLING_S = 60
 
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
-# A command is clipped where the slope of its effect falls below this share of the first slope.
+# A command is clipped when the slope of its effect falls below this share of the first slope.
 CLIPPED = 0.2
 
-# Smallest effect of full travel that can be used, rad/s^2.
+# Minimum usable effect of full travel, rad/s^2.
 MIN_EFFECT = 1e-6
 
-# Travel assumed where no position property of the model shows it, rad.
+# Assumed travel if no property of the model shows the position, rad.
 USUAL_TRAVEL = 0.35
 
 MAX_TRAVEL = 60.0 * DEG
 
-# Times after a command, s, between which its effect must not drift.
+# Interval after a command, s, in which its effect must not drift.
 HOLD_TIMES = 3.0, 4.0
 
-# Largest drift as a share of the effect; from the command to the first time, twice as much.
+# Maximum drift as a share of the effect; twice this share up to the first time.
 DRIFT = 0.05
 
 ONE_RADIAN = math.degrees(1.0)
@@ -204,27 +204,27 @@ class Refusal(PlantError):
 
 
 class Diverges(Refusal):
-    """The thrust depends on the step of the integration, which is too long."""
+    """The thrust depends on the integration step, which is too long."""
 
 
 class TooWeak(Refusal):
-    """Its engines push, but do not keep it level: it can be flown about its steady glide."""
+    """Its engines push but cannot hold level flight; it can be flown about its steady glide."""
 
 
 class Lift(NamedTuple):
-    """Lift and drag of the airframe, surfaces neutral."""
+    """Lift and drag of the airframe with neutral surfaces."""
 
     alpha: FloatArray  # (n,), rad
     # (n,), 1: coefficients as shares of the largest lift coefficient
     lift: FloatArray
     drag: FloatArray
-    # rad: angles of attack up to which lift grows
+    # rad: range of angles of attack with growing lift
     stall: float
     negative_stall: float
-    V_s: float  # m/s: airspeed at which the largest lift is the weight
+    V_s: float  # m/s: airspeed at which the largest lift equals the weight
 
     def at(self, V_a: float) -> tuple[float, float]:
-        """Angle of attack (rad) and drag over weight in level flight."""
+        """Angle of attack (rad) and drag-to-weight ratio in level flight."""
         q = (V_a / self.V_s) ** 2
         inside = (self.alpha >= self.negative_stall) & (self.alpha <= self.stall)
         alpha = float(np.interp(1.0 / q, self.lift[inside], self.alpha[inside]))
@@ -232,31 +232,31 @@ class Lift(NamedTuple):
 
 
 class SwitchedOff(NamedTuple):
-    """A function of the aerodynamics that is 0 because properties of another simulator are."""
+    """A function of the aerodynamics that is 0 because properties of another simulator are 0."""
 
     function: str
-    names: tuple[str, ...]  # of the properties, each of which switches it off
+    names: tuple[str, ...]  # names of the properties, each of which switches it off
     axis: str  # name of its axis, in words
-    share: float  # part of what acts on the axis that it is with 1 in place of 0, at most
+    share: float  # its largest share of the axis with 1 instead of 0
 
     @property
     def words(self) -> str:
-        """The function, and how much it is."""
+        """The function and its share, in words."""
         return f"{self.function} (with 1 up to {100.0 * self.share:.0f} % of the {self.axis})"
 
 
 class Survey(NamedTuple):
     """Findings about a model."""
 
-    # tables of an ``aircraft.toml`` that commands the model: ``model``, ``surfaces``, ``engines``,
+    # tables of an ``aircraft.toml`` for the model: ``model``, ``surfaces``, ``engines``,
     # ``settings``, ``declared``, and wide ranges elsewhere
     tables: dict[str, Any]
     lift: Lift
     V_a: float  # m/s: airspeed chosen
-    spare_thrust: float  # 1: thrust beyond drag over weight there, at full throttle
-    glide_ratio: float  # 1: lift over drag there, surfaces neutral
-    largest_drag: tuple[str, float]  # name of a function of the drag, and its share there
-    notes: tuple[str, ...]  # changes made to the model, a sentence each
+    spare_thrust: float  # 1: excess thrust over drag there at full throttle, relative to weight
+    glide_ratio: float  # 1: lift-to-drag ratio there with neutral surfaces
+    largest_drag: tuple[str, float]  # largest function of the drag, and its share there
+    notes: tuple[str, ...]  # changes of the model, one sentence each
     switched_off: tuple[SwitchedOff, ...] = ()  # functions of the aerodynamics that are 0
 
 
@@ -271,11 +271,11 @@ def survey(
     glide: bool = False,
     stated: Stated = UNSTATED,
 ) -> Survey:
-    """Measure what a model can do at height h (m); a `glide` leaves its engines off.
+    """Measure the capabilities of a model at height h (m); `glide` leaves its engines off.
 
-    `stated`: values of properties that FlightGear's files give the model.
+    `stated`: values of properties from FlightGear's files.
     """
-    # What is found of a model that is refused stays in `tables`, which are those of `wide_tables`.
+    # `tables`, which begin as `wide_tables`, keep the findings about a refused model.
     values = {property_name(name): value for name, value in values.items()}
     model = _Model(tables, folder, h, V_a, values, stated)
     say("step 1 of 9: reading the model")
@@ -314,14 +314,14 @@ def survey(
 
 
 def drag_at(bench: Bench, state: AirframeState) -> dict[str, Any]:
-    """Values of `Survey` about the drag in a state of flight."""
+    """`Survey` values about drag in a state of flight."""
     bench.accelerations(state)
     fdm = bench.fdm
     return {"glide_ratio": fdm.reader("forces/lod-norm")(), "largest_drag": _largest_drag(fdm)}
 
 
 def wide_tables(model: str) -> dict[str, Any]:
-    """Tables of an aircraft whose surfaces take commands of -1 to 1 as positions in rad."""
+    """Tables of an aircraft whose surfaces use commands from -1 to 1 as positions in rad."""
     surface = {"travel_deg": [-ONE_RADIAN, ONE_RADIAN], "full_rad": [-1.0, 1.0]}
     surfaces = {name: dict(surface) for name in SURFACES}
     named = {"title": Path(model).stem, "source": SOURCE, "model": model, "surfaces": surfaces}
@@ -329,7 +329,7 @@ def wide_tables(model: str) -> dict[str, Any]:
 
 
 def _engine_count(config: AircraftConfig) -> int:
-    """Number of engines of a model; one that cannot be an aeroplane is refused."""
+    """Number of engines of a model; a model that cannot be an aeroplane is refused."""
     root = model_files.main_root(config)
     if root.tag != "fdm_config":
         raise Refusal(f"its main file must be a <fdm_config> of JSBSim, got a <{root.tag}>")
@@ -347,7 +347,7 @@ def _engine_count(config: AircraftConfig) -> int:
 
 
 def _part(config: AircraftConfig, tag: str) -> Element:
-    """A part of the main file of a model, which may be in a file of its own."""
+    """A part of the main file of a model, which may be in a separate file."""
     part = model_files.main_root(config).find(tag)
     if part is None:
         return Element(tag)
@@ -357,12 +357,12 @@ def _part(config: AircraftConfig, tag: str) -> Element:
 
 
 def _settable(fdm: Fdm, name: str) -> bool:
-    """Whether a setting may name a property: one behind a slash is declared by the model itself."""
+    """Whether a setting may name a property; a model must declare a property with a slash."""
     return not name.startswith("/") and fdm.has(name)
 
 
 def _largest_drag(fdm: Fdm) -> tuple[str, float]:
-    """The function of the drag axis with the largest part of it, and its share."""
+    """The largest function of the drag axis, and its share."""
     aerodynamics = _part(fdm.config, "aerodynamics")
     axes = (axis for axis in aerodynamics.iter("axis") if axis.get("name", "").upper() == "DRAG")
     names = [f.get("name", "") for axis in axes for f in axis.findall("function")]
@@ -375,7 +375,7 @@ def _largest_drag(fdm: Fdm) -> tuple[str, float]:
 
 
 def _functions(fdm: Fdm) -> dict[str, list[str]]:
-    """Names of the functions of the aerodynamics that JSBSim shows, by their axis in words."""
+    """Names of the aerodynamic functions that JSBSim shows, by axis in words."""
     functions: dict[str, list[str]] = {}
     for axis in _part(fdm.config, "aerodynamics").iter("axis"):
         words = AXIS_WORDS.get(axis.get("name", "").upper(), axis.get("name", ""))
@@ -389,7 +389,7 @@ def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
 
 
 def _swept(bench: Bench, V_a: float) -> Lift:
-    """Lift and drag over the angles of attack, flown at V_a (m/s)."""
+    """Lift and drag over the angle of attack, flown at V_a (m/s)."""
     fdm = bench.fdm
     ahead, down = (fdm.reader(f"forces/fb{axis}-aero-lbs") for axis in "xz")
     pressure, area = fdm.reader("aero/qbar-psf"), fdm.reader("metrics/Sw-sqft")()
@@ -412,7 +412,7 @@ def _swept(bench: Bench, V_a: float) -> Lift:
     largest = C_L[stall]
     if not largest > MIN_LIFT:
         raise Refusal(f"it lifts too little: the largest lift coefficient is {largest:.2f}")
-    density = pressure() / (V_a / FT) ** 2  # half of it: dynamic pressure over airspeed squared
+    density = pressure() / (V_a / FT) ** 2  # half of the density of air
     V_s = math.sqrt(weight / (density * area * largest)) * FT
     if not MIN_STALL_SPEED < V_s < MAX_STALL_SPEED:
         raise Refusal(f"it would stall at {V_s:.0f} m/s")
@@ -427,7 +427,7 @@ def _swept(bench: Bench, V_a: float) -> Lift:
 
 
 def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
-    """Index of the angle of attack at which lift ceases to grow, upwards or downwards."""
+    """Index of the angle of attack at which lift stops growing, upwards or downwards."""
     i = int(np.argmin(np.abs(ALPHAS - 2.0 * DEG)))
     end = int(np.argmin(np.abs(ALPHAS - (MAX_STALL if sense > 0 else MIN_STALL))))
     step = sense * float(ALPHAS[1] - ALPHAS[0])
@@ -438,30 +438,30 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
 
 @dataclass(eq=False)
 class _Model:
-    """A model under survey: what is found goes into its tables and notes."""
+    """A model under survey, with the findings in its tables and notes."""
 
     tables: dict[str, Any]
     folder: Path
     h: float  # m
-    V_a: float | None  # m/s: as asked for
+    V_a: float | None  # m/s: requested airspeed
     values: Mapping[str, float]
     stated: Stated = UNSTATED
     notes: list[str] = field(default_factory=list)
     lift: Lift = field(init=False)
     speed: float = field(init=False)  # m/s: airspeed chosen
-    spare: float = field(init=False)  # thrust beyond drag over weight there
+    spare: float = field(init=False)  # excess thrust over drag there, relative to weight
 
     def load(self, **changed: Any) -> Bench:
-        """The model on the bench, with some of its tables changed."""
+        """The model on a test bench, with some tables changed."""
         return Bench(Fdm(aircraft_from(self.tables | changed, self.folder)), self.h)
 
     def level(self, throttle: float = 0.5) -> AirframeState:
-        """Level flight at the airspeed chosen."""
+        """Level flight at the chosen airspeed."""
         return _level(self.speed, self.lift.at(self.speed)[0], throttle)
 
     @cached_property
     def config(self) -> AircraftConfig:
-        """The model as it was before the survey."""
+        """The model before the survey."""
         return aircraft_from(self.tables, self.folder)
 
     @cached_property
@@ -471,12 +471,12 @@ class _Model:
 
     @cached_property
     def texts(self) -> tuple[set[str], set[str]]:
-        """Texts of the elements of its aerodynamics, and of all others."""
+        """Texts of the elements of its aerodynamics, and of all other elements."""
         inside, outside = set[str](), set[str]()
         for root in self.roots:
             for top in (root, *root):
                 texts = inside if "aerodynamics" in (root.tag, top.tag) else outside
-                # JSBSim reads a minus before a property as its negative.
+                # JSBSim negates a property with a minus before its name.
                 elements = (top,) if top is root else top.iter()
                 names = ((part.text or "").strip().lstrip("-") for part in elements)
                 texts |= {property_name(name) if "/" in name else name for name in names}
@@ -489,7 +489,7 @@ class _Model:
 
     @cached_property
     def defined(self) -> set[str]:
-        """Properties that its systems define, for others to set."""
+        """Properties that its systems define for external settings."""
         elements = (part for root in self.roots for part in (root, *root))
         systems = (part for part in elements if part.tag in SYSTEMS)
         names = ((x.text or "").strip() for part in systems for x in part.findall("property"))
@@ -497,7 +497,7 @@ class _Model:
 
     @cached_property
     def stated_read(self) -> dict[str, float]:
-        """Values that the files of FlightGear state of properties that the model reads."""
+        """Values from FlightGear's files for properties that the model reads."""
         parts = (part for root in self.roots for part in root.iter())
         texts = ((*(part.text or "").split(), *part.attrib.values()) for part in parts)
         words = (word.lstrip("-") for text in texts for word in text if "/" in word)
@@ -508,12 +508,12 @@ class _Model:
 
     @cached_property
     def taken(self) -> dict[str, float]:
-        """Values that are stated; levers of the gear, of flaps and of brakes are as in flight."""
+        """Given values, with levers of gear, flaps and brakes as in flight."""
         return {name: 0.0 if LEVERS_IN.search(name) else x for name, x in self.stated_read.items()}
 
     @property
     def zeros(self) -> list[str]:
-        """Properties of another simulator that are 0, and of which nobody has stated that."""
+        """Properties of another simulator that are 0 by default and not by a given value."""
         known = (*self.tables["linked"], *self.taken, *self.values)
         declared = self.tables["declared"].items()
         zeros = (name for name, value in declared if not value and name not in known)
@@ -521,7 +521,7 @@ class _Model:
 
     @property
     def zeros_in_words(self) -> str:
-        """The end of a sentence about properties that are 0 and that the aerodynamics read."""
+        """The end of a sentence about properties that are 0 and read by the aerodynamics."""
         names = [name for name in self.zeros if name in self.texts[0]]
         if not names:
             return ""
@@ -532,14 +532,14 @@ class _Model:
         )
 
     def _why_unknown(self, names: Sequence[str]) -> str:
-        """Reasons why the files of FlightGear do not state properties, as the end of a sentence."""
+        """Reasons why FlightGear's files lack properties, as the end of a sentence."""
         faults = self.stated.faults(names)
         if several := [name for name in names if self.stated.several(name)]:
             faults.append(f"{listed(self.stated.files)} state several values of {listed(several)}")
         return f" ({'; '.join(faults)})" if faults else ""
 
     def declare(self) -> None:
-        """Declare the properties that the model refers to and nothing defines, and the values."""
+        """Declare the undefined properties that the model refers to, and the values."""
         declared = self.tables["declared"]
         for name, value in self.values.items():
             if not (re.fullmatch(ANY_NAME, name) and math.isfinite(value)):
@@ -563,8 +563,8 @@ class _Model:
                 f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
                 f"{', '.join([*declared][:MAX_NAMED])}"
             )
-        # A system leaves a property as it is declared before it, as by FlightGear. JSBSim may read
-        # others later than in the trial, as in a branch that is not taken there.
+        # A system does not change a property that was declared before, as by FlightGear. JSBSim may
+        # read others later than in the trial, such as in a branch that was not taken.
         known = {name for name in self.taken if bench.fdm.shows(name)} - self.defined
         declared |= {name: x for name, x in self.taken.items() if name not in known}
         for name, source in TABLES["shown"].items():
@@ -572,7 +572,7 @@ class _Model:
                 self.tables["linked"][name] = source
 
     def set_levers(self) -> None:
-        """Set fuel, gear, flaps, speed brake, mixture, propeller and the values; check the body."""
+        """Set fuel, gear, flaps, speed brake, mixture, propeller and values; check the inertias."""
         fdm, tables = self.load().fdm, self.tables
         read = set[str]().union(*self.texts)
         for surface, table in tables["surfaces"].items():
@@ -607,9 +607,9 @@ class _Model:
         ]
 
     def put_in(self) -> None:
-        """Put in brakes, flaps and gear that are out, by a declared property; or say so."""
+        """Retract extended brakes, flaps and gear by a declared property, or report them."""
         bench, declared = self.load(), self.tables["declared"]
-        # JSBSim shows fixed gear as out.
+        # JSBSim shows fixed gear as extended.
         contacts = (part.text or "" for root in self.roots for part in root.iter("retractable"))
         retracts = any(text.strip() not in ("", "0") for text in contacts)
         names = OUT if retracts else [name for name in OUT if name != GEAR]
@@ -635,10 +635,10 @@ class _Model:
         self.notes += [f"{name} is {position:.2g}: it is out" for name, position in before.items()]
 
     def sweep(self) -> None:
-        """Measure lift, and choose the airspeed of a glide."""
+        """Measure lift and choose the airspeed of a glide."""
         bench = self.load()
         lift = _swept(bench, FIRST_SPEED)
-        for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
+        for _ in range(2):  # each sweep is flown at a multiple of the previous sweep's stall speed
             lift = _swept(bench, SPEEDS[0] * lift.V_s)
         self._glide(lift)
 
@@ -647,7 +647,7 @@ class _Model:
         self.spare = -lift.at(self.speed)[1]
 
     def find_throttle(self) -> None:
-        """Find what moves the throttle of the engines where the usual command does not."""
+        """Find the property that moves the throttle if the usual command does not."""
         bench, declared = self.load(), self.tables["declared"]
         fdm = bench.fdm
         if "command" in self.tables["engines"] or not fdm.shows(THROTTLE_POSITION):
@@ -659,7 +659,7 @@ class _Model:
             return position()
 
         def opening(names: set[str]) -> list[str]:
-            """The properties that open the throttle when they are set to 1."""
+            """The properties that open the throttle when set to 1."""
             shut, opens = position(), []
             for name in sorted(x for x in names if _settable(fdm, x)):
                 before, write = fdm.reader(name)(), fdm.writer(name)
@@ -680,7 +680,7 @@ class _Model:
             self.tables["linked"] |= dict.fromkeys(levers[1:], properties.THROTTLE)
             self.notes.append(f"its throttle is moved by {', '.join(levers)}")
             return
-        # A factor of the command is 0 until a script of another simulator sets it.
+        # A factor on the command is 0 until another simulator's script sets it.
         at(1.0)
         switches = opening(self.defined - self.values.keys())
         zeros = [name for name, x in declared.items() if not x and name not in self.values]
@@ -695,7 +695,7 @@ class _Model:
                 return
 
     def drive(self) -> None:
-        """Choose the airspeed by the thrust, with the levers as they first let the model fly."""
+        """Choose the airspeed by the thrust, with the first lever settings that let it fly."""
         tables, fdm, lift, refused = self.tables, self.load().fdm, self.lift, None
         texts = set[str]().union(*self.texts, tables["declared"])
         links = {
@@ -729,7 +729,7 @@ class _Model:
         if isinstance(refused, TooWeak):
             self.notes.append(f"{refused}: its engines stay off")
         elif model_files.has_engine(fdm.files, model_files.ROCKET):
-            # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
+            # JSBSim computes a rocket's thrust from the fuel that it burns.
             note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
             self.notes.append(note)
         else:
@@ -738,9 +738,9 @@ class _Model:
         self._glide(lift)
 
     def _driven(self, tables: dict[str, Any], lift: Lift) -> tuple[float, float]:
-        """Airspeed to fly at and spare thrust there; what the engines are goes to the tables."""
+        """Airspeed and excess thrust; findings about the engines go into the tables."""
         table, V_a = tables["engines"], self.V_a
-        table["settle_s"] = 0.0  # measured on an aircraft whose file does not give it
+        table["settle_s"] = 0.0  # measured if the aircraft's file does not state it
         bench = self.load(**tables)
         fdm, thrusts = bench.fdm, bench.fdm.thrusts
         weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
@@ -752,7 +752,7 @@ class _Model:
             return np.array([read() for read in bench.fdm.thrusts])
 
         def moderate(rate: float) -> bool:
-            """Whether at this rate the engines soon push as those of an aeroplane."""
+            """Whether at this integration rate the engines soon push like an aeroplane's."""
             other = self.load(**tables | {"inner_loop_rate_hz": rate})
             return 0.0 < settled(V, 1.0, 1.0, other).sum() <= MAX_THRUST * weight
 
@@ -776,10 +776,10 @@ class _Model:
         def as_full(thrust: FloatArray) -> bool:
             return bool(abs(full.sum() - thrust.sum()) < 1e-3 * abs(full.sum()))
 
-        # Some levers are fully open at a half.
+        # Some levers are fully open at one half.
         if as_full(at_once) and as_full(settled(V, 0.1, wait)):
             raise Refusal("its thrust does not follow the throttle")
-        points = []  # spare thrust, airspeed, thrust over drag
+        points = []  # excess thrust, airspeed, thrust-to-drag ratio
         for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
             thrust = float(settled(V, 1.0, wait).sum()) / weight
             drag = fdm.reader("forces/fwx-aero-lbs")() / weight  # it may depend on the throttle
@@ -788,14 +788,14 @@ class _Model:
             points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
         best = max(ratio for _, _, ratio in points)
         if not best > 1.0:
-            if V_a:  # another one may do
+            if V_a:  # another airspeed may work
                 raise Refusal(f"its thrust is {best:.2f} of its drag at {V_a:g} m/s")
             raise TooWeak(f"its thrust is at most {best:.2f} of its drag at any airspeed")
         spare, V, _ = max(points)
         return V, spare
 
     def note_engines(self) -> None:
-        """Note where the thrust comes from, and a propeller that couples pitch with yaw."""
+        """Note the source of the thrust, and a propeller that couples pitch with yaw."""
         engines = self.tables["engines"]
         if not engines["count"]:
             self.notes.append("it flies without an engine, about its steady glide")
@@ -836,7 +836,7 @@ class _Model:
             )
 
     def note_values(self, off: Sequence[SwitchedOff]) -> None:
-        """Note the values that FlightGear's files state, and what is 0 as nobody states it."""
+        """Note values from FlightGear's files, and properties that are 0 without a given value."""
         declared = self.tables["declared"]
         taken = {name: x for name, x in self.taken.items() if declared.get(name) == x}
         if taken:
@@ -864,8 +864,8 @@ class _Model:
             self.notes.append(f"properties of another simulator are 0: {shown}{rest}{why}")
 
     def switched_off(self) -> list[SwitchedOff]:
-        """Functions of the aerodynamics that are 0 in any flight as declared properties are."""
-        # Gear, flaps and brakes are in, as in flight.
+        """Functions of the aerodynamics that are always 0 because declared properties are 0."""
+        # Gear, flaps and brakes are retracted, as in flight.
         zeros = [name for name in self.zeros if not LEVERS_IN.search(name)][:MAX_TRIED_IN]
         bench = self.load()
         functions = _functions(bench.fdm)
@@ -891,7 +891,7 @@ class _Model:
             off = np.asarray(~as_it_is.any(axis=0) & with_ones.any(axis=0))
             shown = [states[i] for i in sorted({*with_ones.argmax(axis=0)[off].tolist()})]
             by = {name: sizes(shown, name) for name in zeros} if shown else {}
-        except PlantError:  # the model flies with 0 alone
+        except PlantError:  # the model flies only with 0
             return []
         found = []
         for axis, inside in functions.items():
@@ -904,7 +904,7 @@ class _Model:
         return [part for part in found if part.names and part.share >= LEAST_SHARE]
 
     def surfaces(self) -> dict[str, Any]:
-        """Tables of the surfaces, commanded through the flight control or past it."""
+        """Tables of the surfaces, commanded through the model's flight control or past it."""
         tables, level = self.tables, self.level()
         moved, fault = self._answers(self.load())
         surfaces = {name: tables["surfaces"][name] | table for name, table in moved.items()}
@@ -932,7 +932,7 @@ class _Model:
         return surfaces
 
     def _answers(self, bench: Bench) -> tuple[dict[str, dict[str, Any]], str]:
-        """Travel of each surface, empty if one moves nothing; the fault of the flight control."""
+        """Travel of each surface, empty if one has no effect; the fault of the flight control."""
         answers, level = {}, self.level()
         for name, _ in bench.fdm.config.surfaces.named():
             try:
@@ -944,7 +944,7 @@ class _Model:
         return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
 
     def _past_flight_control(self) -> tuple[dict[str, dict[str, Any]], str]:
-        """Surfaces that aerodynamics read past the flight control, by name or effect; a note."""
+        """Surfaces that aerodynamics read past the flight control, by name or effect; notes."""
         read, surfaces = self.texts[0], self.tables["surfaces"]
         replaced, measured = {}, ""
         for name in surfaces:
@@ -953,7 +953,7 @@ class _Model:
                 rf"fcs/([\w-]+/)*(mag-)?(left-)?{names}-(pos|deflection)-(rad|deg|norm)"
             )
             replaced[name] = sorted(entry for entry in read if pattern.fullmatch(entry))
-        # The size of a deflection (mag) gives drag, not a moment.
+        # The magnitude of a deflection (mag) gives drag, not a moment.
         if not all(any("mag-" not in x for x in replaced[name]) for name in VERBS):
             moving, measured = self._movers()
             replaced = {name: moving[name] for name in replaced}
@@ -965,7 +965,7 @@ class _Model:
         return {name: surfaces[name] | {"replaces": x} for name, x in replaced.items()}, ""
 
     def _movers(self) -> tuple[dict[str, list[str]], str]:
-        """Positions that aerodynamics read, by the surface that moves the aircraft so; a note."""
+        """Positions that aerodynamics read, by the surface with their effect, and a note."""
         fdm, level = self.load().fdm, self.level()
         computed = {part.get("name", "") for root in self.roots for part in root.iter("function")}
         read = self.texts[0] - computed
@@ -974,7 +974,7 @@ class _Model:
         bench = self.load(declared=self.tables["declared"] | frozen)
         inertias = np.array([bench.fdm.reader(BODY[f"inertia {2 * axis}"])() for axis in "xyz"])
 
-        # Each is changed alone, in level flight. A minus is before one of the opposite sense.
+        # Each is changed alone, in level flight. A minus marks the opposite sense.
         def moments(name: str, change: float) -> FloatArray:
             bench.fdm.writer(name)(frozen[name] + change)
             rates = bench.accelerations(level)
@@ -1003,7 +1003,7 @@ class _Model:
         return movers, f", and {nothing}" if lacking else ""
 
     def _held(self, past: Mapping[str, Any]) -> dict[str, float]:
-        """Values in level flight of what flight control moves besides the surfaces."""
+        """Values in level flight of other positions that flight control moves."""
         bench, level = self.load(surfaces=past), self.level()
         fdm = bench.fdm
         replaced = {name.removeprefix("-") for table in past.values() for name in table["replaces"]}
@@ -1016,14 +1016,14 @@ class _Model:
             fdm.hold(MAX_SETTLING_S)
             shown.append([read() for read in reads.values()])
         moves = np.ptp(shown, axis=0) > MOVES
-        at_rest = zip(reads, shown[1], moves, strict=True)  # in level flight
+        at_rest = zip(reads, shown[1], moves, strict=True)  # their values in level flight
         return {f"ft/{name}": value for name, value, moved in at_rest if moved}
 
 
 def _thrust_of_another_kind(
     fdm: Fdm, full: FloatArray, weight: float, settled: Callable[..., FloatArray]
 ) -> dict[str, Any]:
-    """Keys of `[engines]` where the thrust is an external force, or an engine is far too strong."""
+    """Keys of `[engines]` for thrust as an external force, or for a far too strong engine."""
     if not full.any() and fdm.reader(EXTERNAL)() > 0.0:
         return {"thrust": EXTERNAL}
     for i, thrust in enumerate(full):
@@ -1054,7 +1054,7 @@ def _thrust_of_another_kind(
 
 
 def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], float]]) -> float:
-    """Time the engines take from half to full throttle, s; 0 if they respond at once."""
+    """Settling time of the engines from half to full throttle, s; 0 if they respond at once."""
     bench.accelerations(state)
     history = [sum(read() for read in thrusts)]
     for _ in range(int(MAX_SETTLING_S)):
@@ -1062,13 +1062,13 @@ def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], flo
         history.append(sum(read() for read in thrusts))
     off = np.abs(np.array(history) - history[-1]) > SETTLED * abs(history[-1])
     last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
-    if bench.fdm.electric:  # with the throttle closed a propeller slows down slowly
+    if bench.fdm.electric:  # with a closed throttle a propeller slows down slowly
         last = min(SLOWS_DOWN * last, LONGEST_SETTLING_S)
     return max(PROPELLER_SETTLES, float(last)) if last else 0.0
 
 
 def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[str, Any]]:
-    """Half the difference (rad/s^2) between the effects of full commands, and the travel."""
+    """Half the difference of the effects of full commands, rad/s^2, and the travel."""
     fdm, (rate, sign) = bench.fdm, EFFECTS[name]
     surface = getattr(fdm.config.surfaces, name)
     positions = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
@@ -1097,11 +1097,11 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
             max((abs(p - was) for p, was in zip(deflected, neutral_read, strict=True)), default=0)
             for _, deflected in (answers[0], answers[last - 1])
         ]
-        # Position at the whole command, and the part of it that is used: a command may be clipped.
+        # Position at the full command, and the used share of it, since a command may be clipped.
         whole = max(reach[0] / COMMANDS[0], reach[1] / usable) if usable else 0.0
         used = reach[1] / whole if whole else usable
         if not whole and (surface.command or "").endswith("rad"):
-            whole = 1.0  # it is the position, in rad
+            whole = 1.0  # the command is the position, in rad
         sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
     largest = max(abs(effect_low), abs(effect_high))
@@ -1131,7 +1131,7 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
 
 
 def _drift(bench: Bench, level: AirframeState, name: str, full_effect: float) -> str:
-    """A sentence about the drift under a constant command; empty where there is none."""
+    """A sentence about the drift under a constant command; empty without a drift."""
     fdm, (rate, _) = bench.fdm, EFFECTS[name]
     command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
     moved = replace(level, **{name: command})

@@ -1,6 +1,6 @@
-"""The numbers of arXiv 2411.13140 again, with a verdict on every claim.
+"""The numbers of arXiv 2411.13140 computed again, with a verdict on every claim.
 
 The paper is "Robust Convergency Indicator using MIMO-PI Controller in the presence of
-disturbances". ``parameters`` holds the numbers that it prints, ``study`` computes and ``claims``
-judge; `flighttune.outputs.paper` draws.
+disturbances". ``parameters`` has its printed numbers, ``study`` computes, ``claims`` judges, and
+`flighttune.outputs.paper` draws.
 """

@@ -1,7 +1,7 @@
 """Every checkable sentence of the abstract and of sections 2 to 5, with the verdict on it.
 
-The sentences stand in ``claims.toml`` with what their numbers must be. To add one, put it there,
-and the function that computes its number, under the same name, into this module.
+``claims.toml`` has the sentences with the required numbers. To add a sentence, put it there, and
+put the function that computes its number, with the same name, into this module.
 """
 
 import math
@@ -32,22 +32,22 @@ Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not chec
 
 VERDICTS: tuple[Verdict, ...] = ("reproduced", "partly", "not reproduced", "not checkable")
 
-# In the order of the paper, by short name: the sentence, its place and how it is checked.
+# In the order of the paper, by short name: the sentence, its place and its check.
 CLAIMS: dict[str, dict[str, Any]] = tomllib.loads(
     Path(__file__).with_name("claims.toml").read_text(encoding="utf-8")
 )
 
-# The numbers taken for words of the paper, each with its reason.
+# Numbers assumed for words of the paper, each with its reason.
 WORDS: dict[str, float] = {"near": NEAR, **CLAIMS.pop("words")}
 
-# Distance at which two Jacobians, or a rate and zero, are the same: the error of central
-# differences with a step of 1e-6, where rounding and curvature are about equal.
+# Jacobians, or a rate and zero, within this distance count as equal: the error of central
+# differences with a step of 1e-6, for which rounding and curvature are about equal.
 DERIVATIVE, SMALL_STEP = 1e-8, 1e-6
 
-# Random matrices on which a lemma is tried
+# Number of random matrices to test a lemma
 SAMPLES = 200
 
-# Excess of a limited command over its limit that is rounding.
+# A smaller excess of a limited command over its limit counts as rounding.
 ROUNDING = 1e-9
 
 RELATIONS = {"≤": operator.le, "<": operator.lt, "≥": operator.ge, ">": operator.gt}
@@ -59,9 +59,9 @@ MEASURES = {"MO": "MO_rad", "PT": "PT_s", "MS": "MS_rad", "|MS|": "MS_rad", "ST"
 class Check(NamedTuple):
     """One comparison."""
 
-    label: str  # what is compared, with its unit
+    label: str  # compared quantity, with its unit
     expected: str | float  # what the paper says
-    computed: str | float  # what comes out
+    computed: str | float  # computed value
     holds: bool  # whether the two agree
 
 
@@ -69,17 +69,17 @@ Checks: TypeAlias = Iterator[Check]
 
 
 class Finding(NamedTuple):
-    """A sentence of the paper with its comparisons made."""
+    """A sentence of the paper with its comparisons."""
 
     id: str
-    text: str  # what the paper says, shortened
+    text: str  # the sentence, shortened
     where: str  # its place in the paper
     checks: tuple[Check, ...]
-    missing: str = ""  # what would be needed where there are no comparisons
+    missing: str = ""  # the missing piece if there are no comparisons
 
     @property
     def verdict(self) -> Verdict:
-        """Reproduced where all comparisons agree, partly where some do."""
+        """Reproduced if all comparisons agree, partly if some do."""
         if not self.checks:
             return "not checkable"
         agreeing = {check.holds for check in self.checks}
@@ -125,13 +125,13 @@ def text_of(value: str | float) -> str:
 
 
 def _compare(label: str, value: float, relation: str, limit: float, expected: str = "") -> Check:
-    """`value` against a limit; `expected` is what the paper says of it, by default the limit."""
+    """`value` against a limit; `expected`: words of the paper, by default the limit."""
     said = expected or f"{relation} {limit:.4g}"
     return Check(label, said, float(value), bool(RELATIONS[relation](value, limit)))
 
 
 def _rise(label: str, steps: FloatArray, must: str) -> Check:
-    """Steps from one neighbour to the next, of which all or most must rise."""
+    """Steps between neighbours, all or most of which must rise."""
     rising, count = int((steps > 0.0).sum()), steps.size
     holds = rising == count if must == "all rise" else 2 * rising > count
     asked = count if must == "all rise" else "most"
@@ -142,7 +142,7 @@ def _rise(label: str, steps: FloatArray, must: str) -> Check:
 
 
 def exponential_stabilisation(study: Study) -> Checks:
-    """Without disturbance the state decays exponentially, at the rate the theory says."""
+    """Without disturbance the state decays exponentially, at the theoretical rate."""
     flight, half = study.undisturbed, study.indicators[printed.STAR].R_K / 2.0
     s = np.hypot(flight.channels["s_chi"], flight.channels["s_gamma"])
     late = flight.t >= 10.0  # the commands have left their ranges for the last time
@@ -153,7 +153,7 @@ def exponential_stabilisation(study: Study) -> Checks:
 
 
 def optimal_controller(study: Study) -> float:
-    """R_K over the highest of all gains with the same I_K."""
+    """R_K relative to the highest R_K of all gains with the same I_K."""
     best = study.optimum.R_K
     return study.indicators[printed.STAR].R_K / best if best else math.nan
 
@@ -198,12 +198,12 @@ def _random_matrices() -> FloatArray:
 
 
 def lemma_1(_: Study) -> Checks:
-    """P exists for stable matrices; with an eigenvalue 0 the equation has no solution at all."""
+    """P exists for stable matrices; with an eigenvalue 0 the equation has no solution."""
     A = _random_matrices()
     A = A - (np.linalg.eigvals(A).real.max(axis=-1) + 0.1)[:, None, None] * np.eye(4)
     positive = int((np.linalg.eigvalsh(lyapunov_solution(A))[:, 0] > 0.0).sum())
     yield Check("stable matrices with a P > 0", SAMPLES, positive, positive == SAMPLES)
-    # v' (P A + A' P + I) v = v' v > 0 where A v = 0, whatever P is.
+    # v' (P A + A' P + I) v = v' v > 0 if A v = 0, for any P.
     A = np.diag([0.0, -1.0])
     basis = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
     columns = (basis @ A + A.T @ basis).reshape(3, -1).T
@@ -221,7 +221,7 @@ def lemma_2(_: Study) -> float:
 
 
 def lemma_3(study: Study) -> float:
-    """The Jacobian of the Duffing oscillator in the disc in which it has the smoothness stated."""
+    """The Jacobian of the Duffing oscillator in the disc of the stated smoothness."""
     model = study.duffing.model
     x1 = np.linspace(-1.0, 1.0, 201)
     J = model.jacobian(np.stack([x1, np.zeros(x1.size)], axis=-1))
@@ -238,7 +238,7 @@ def lemma_4(study: Study) -> float:
 
 
 def _slowest_decay(start: float) -> tuple[FloatArray, FloatArray]:
-    """Time and √V of ``V' = -V + √V``, where Lemma 5 with α = β = 1 holds with equality."""
+    """Time and √V of ``V' = -V + √V``, for which Lemma 5 with α = β = 1 is an equality."""
     from scipy.integrate import solve_ivp
 
     t = np.linspace(0.0, 10.0, 101)
@@ -249,7 +249,7 @@ def _slowest_decay(start: float) -> tuple[FloatArray, FloatArray]:
 
 
 def lemma_5(_: Study, V_0: float) -> float:
-    """The bound along the motion for which the inequality is an equality."""
+    """The bound along the motion that makes the inequality an equality."""
     t, root = _slowest_decay(V_0)
     return np.max(root / (1.0 + (math.sqrt(V_0) - 1.0) * np.exp(-0.5 * t)))
 
@@ -261,7 +261,7 @@ def lemma_5_rate(_: Study) -> float:
 
 
 def _stable_loops(study: Study) -> Iterator[tuple[FloatArray, Indicators, FloatArray]]:
-    """A_K, indicators and eigenvalues of Q of each gain set that stabilises the loop."""
+    """A_K, indicators and eigenvalues of Q for each stabilising gain set."""
     for name, gains in study.gains.items():
         row = study.indicators[name]
         if row.Q is not None:
@@ -270,7 +270,7 @@ def _stable_loops(study: Study) -> Iterator[tuple[FloatArray, Indicators, FloatA
 
 
 def theorem_1(study: Study) -> float:
-    """The bound against the largest ``f = A_K s`` that disturbances of the linear loops cause."""
+    """The bound against the largest ``f = A_K s`` under disturbances of the linear loops."""
     ratios = []
     for A, _, values in _stable_loops(study):
         bound = 2.0 * np.linalg.norm(A, 2) * values[-1] ** 2 / values[0]
@@ -287,7 +287,7 @@ def theorem_1_sufficient(study: Study) -> Checks:
 
 
 def theorem_2(study: Study) -> Checks:
-    """The largest error that disturbances cause, over the ball for each reading of L_f."""
+    """The largest error under disturbances, relative to the ball for each reading of L_f."""
     star, A_K = study.indicators[printed.STAR], closed_loop(study.model, study.star)
     balls = paper_balls(A_K, study.model.A, I_K=star.I_K, L_d=1.0)
     names = "‖A_K‖", "‖∂f/∂x + ∂f/∂u K_P‖", "‖∂f/∂x‖"
@@ -297,7 +297,7 @@ def theorem_2(study: Study) -> Checks:
 
 
 def theorem_2_rate(study: Study) -> float:
-    """The decay of the norm of s over R_K, for the slowest of the seven sets."""
+    """The decay of the norm of s relative to R_K, for the slowest of the seven sets."""
     decays = (-row.spectral_abscissa / row.R_K for _, row, _ in _stable_loops(study))
     return min(decays, default=0.0)
 
@@ -328,7 +328,7 @@ def three_factors(study: Study) -> float:
 
 
 def eigenvalue_problem(study: Study) -> float:
-    """R_K by semidefinite programming, over that of the Lyapunov equation."""
+    """R_K by semidefinite programming, relative to R_K by the Lyapunov equation."""
     off = [abs(common_Q(A[None]).R / row.R_K - 1.0) for A, row, _ in _stable_loops(study)]
     return max(off, default=math.inf)
 
@@ -337,7 +337,7 @@ def eigenvalue_problem(study: Study) -> float:
 
 
 def duffing_condition(_: Study) -> Checks:
-    """The origin is stable exactly where alpha and delta are positive."""
+    """The origin is stable if and only if alpha and delta are positive."""
     grid = list(product((-2.0, -0.5, 0.5, 1.0, 3.0), repeat=2))
     J = [Duffing(alpha=a, beta=0.0, delta=d).jacobian(np.zeros(2)) for a, d in grid]
     stable = np.linalg.eigvals(np.array(J)).real.max(axis=-1) < 0.0
@@ -346,7 +346,7 @@ def duffing_condition(_: Study) -> Checks:
 
 
 def duffing_bound(study: Study, under: str) -> float:
-    """|f(x)| over its printed bound over time, under mild and hard disturbances."""
+    """|f(x)| relative to its printed bound over time, under mild and hard disturbances."""
     case = study.duffing.disturbed[under]
     return np.max(case.norm_f / case.bound_over_time[:, None])
 
@@ -368,7 +368,7 @@ def duffing_rate(study: Study) -> Checks:
 
 
 def duffing_everywhere(study: Study, under: str) -> float:
-    """Every state reached lies where the condition of the theorem holds for the chosen P."""
+    """Every reached state satisfies the condition of the theorem for the chosen P."""
     return study.duffing.disturbed[under].farthest
 
 
@@ -381,7 +381,7 @@ def _error_rates(z: FloatArray) -> FloatArray:
 
 
 def jacobians(study: Study) -> Checks:
-    """The printed Jacobians are those of the law, and the printed equilibrium is one."""
+    """The printed Jacobians belong to the law, and the printed equilibrium is an equilibrium."""
     steady = np.array([0.0, 0.0, 0.0, np.cos(printed.GAMMA_C)])
     differences = np.column_stack(
         [
@@ -405,7 +405,7 @@ def printed_indicators(study: Study, name: str) -> Checks:
 
 
 def star_feasible(study: Study) -> float:
-    """K* is a point of the optimisation model: every command and rate at t_0 in its range."""
+    """K* is feasible in the optimisation model: every command and rate at t_0 is in its range."""
     return largest_share(study.star)
 
 
@@ -435,7 +435,7 @@ def overshoot(study: Study, channel: str) -> float:
 
 
 def peak_time(study: Study) -> Checks:
-    """The later of both peaks, which is the maximum the sentence speaks of."""
+    """The later of both peaks, which is the maximum in the sentence."""
     peaks = {channel: study.flights[printed.STAR].peak(channel)[1] for channel in ("chi", "gamma")}
     channel, latest = max(peaks.items(), key=lambda peak: peak[1])
     yield _compare(f"largest PT, that of e_{channel} [s]", latest, "<", printed.LARGEST_PEAK_TIME)
@@ -447,7 +447,7 @@ def peak_time_gamma(study: Study) -> float:
 
 
 def commands(study: Study, signal: str, limit: str, of: str) -> Checks:
-    """Roll and load factor after the limits stay in their ranges: the simulation sees to that."""
+    """Limited roll and load factor stay in their ranges, by construction of the simulation."""
     largest = np.max(np.abs(getattr(study.flights[printed.STAR], signal)), axis=0)
     limits = getattr(printed.printed_limits(), limit) + ROUNDING
     for name, value, most in zip(("φ", "n_z"), largest, limits, strict=True):
@@ -455,7 +455,7 @@ def commands(study: Study, signal: str, limit: str, of: str) -> Checks:
 
 
 def converges_with_all_limits(study: Study, channel: str) -> float:
-    """With ranges and rate limits together, as Table 1 has them, the errors still converge."""
+    """With both ranges and rate limits, as in Table 1, the errors still converge."""
     flight = study.readings["ranges and rate limits"]
     return flight.after(channel, flight.t[-1] - 2.0)
 
@@ -488,7 +488,7 @@ def minor_means(study: Study, channel: str) -> float:
 
 
 def inverse_deviation(study: Study, channel: str) -> Checks:
-    """The deviation of the rates of error is proportional to 1 / R_K, about."""
+    """The deviation of the rates of error is roughly proportional to 1 / R_K."""
     values = study.of_gains(channel, "std")
     R_K = study.indicator("R_K").loc[values.index].to_numpy()
     label = f"correlation of 1/R_K and the deviation of {channel}"
@@ -497,12 +497,12 @@ def inverse_deviation(study: Study, channel: str) -> Checks:
 
 
 def overall_enhancement(_: Study) -> Checks:
-    """Behind an identified lag no gains decay faster or err less than those of the largest R_K."""
+    """Behind an identified lag the gains of the largest R_K decay fastest and err least."""
     loops = {}
     for objective in ("R_K", "decay", "E_K"):
         changes = {"tuning.model": "identified", "tuning.objective": objective}
         result = tune("mission", changes={"law": "paper", **changes})
-        assert result.gains is not None  # those of the shipped aircraft
+        assert result.gains is not None  # lags of the shipped aircraft
         loop = closed_loop(result.problem.model, result.gains)
         loops[objective] = indicators(loop, errors=len(result.gains.errors))
     R_K = loops["R_K"]
@@ -525,7 +525,7 @@ def near_origin(study: Study, channel: str) -> Checks:
 
 
 def steps_along(study: Study, measure: str, channel: str, way: str, along: str) -> FloatArray:
-    """Steps of a measure along L_d or omega_d, turned so that those of this `way` rise."""
+    """Steps of a measure along L_d or omega_d, signed so that steps in this `way` are positive."""
     table = study.of_disturbances(channel, measure).to_numpy()
     return np.diff(table if way == "rises" else -table, axis=("L_d", "ω_d").index(along))
 

@@ -17,10 +17,10 @@ from flighttune.base.arrays import FloatArray
 from flighttune.control.theory.lyapunov import lyapunov_solution
 from flighttune.studies.paper import parameters as printed
 
-# Intervals in which the disturbance is constant.
+# Number of intervals with a constant disturbance.
 INTERVALS = round(printed.DURATION / printed.DUFFING_HOLD)
 
-# Steps of integration in each interval of the disturbance.
+# Integration steps in each interval of the disturbance.
 STEPS = 10
 
 
@@ -54,14 +54,14 @@ class Duffing:
         return lyapunov_solution(self.jacobian(np.zeros(2)))
 
     def margin(self, x1: npt.ArrayLike) -> FloatArray:
-        """epsilon(x): smallest eigenvalue of ``-(J' P + P J)``, positive where Theorem 1 holds."""
+        """epsilon(x): smallest eigenvalue of ``-(J' P + P J)``, positive if Theorem 1 holds."""
         x1 = np.asarray(x1, dtype=float)
         J = self.jacobian(np.stack([x1, np.zeros_like(x1)], axis=-1))
         return np.asarray(np.linalg.eigvalsh(-(J.mT @ self.P + self.P @ J))[..., 0], dtype=float)
 
     @property
     def region(self) -> float:
-        """Half-width of the strip ``|x1| < c`` in which the condition of Theorem 1 holds for P."""
+        """Half-width of the strip ``|x1| < c`` that satisfies the condition of Theorem 1 for P."""
         # With ``a = 3 beta x1^2`` the matrix is ``-I - a (e1 (P e2)' + (P e2) e1')``. It is
         # negative as long as ``1 + 2 a p - a^2 q^2 > 0`` for ``P e2 = (p, q)``.
         p, q = self.P[:, 1]
@@ -69,21 +69,21 @@ class Duffing:
         return math.sqrt(a / (3.0 * self.beta)) if self.beta else math.inf
 
     def smoothness(self, radius: float) -> float:
-        """beta_f where ``|x| <= radius``: ``|J(x) - J(y)| = 3 beta |x1^2 - y1^2|``."""
+        """beta_f for ``|x| <= radius``: ``|J(x) - J(y)| = 3 beta |x1^2 - y1^2|``."""
         return 6.0 * self.beta * radius
 
     @property
     def smooth_region(self) -> float:
-        """Largest r with ``r <= epsilon / (2 beta_f |P|)``, beta_f that of the disc of radius r."""
+        """Largest r with ``r <= epsilon / (2 beta_f |P|)``, beta_f for the disc of radius r."""
         # This is Lemma 3 weighted with P: the condition of Theorem 1 holds in this disc.
         return math.sqrt(1.0 / (2.0 * self.smoothness(1.0) * float(np.linalg.norm(self.P, 2))))
 
     def bound(self, L_d: float, *, half_width: float = 0.0) -> tuple[float, float]:
         """Rate (1/s) and ultimate bound on |f| of Theorem 1 for disturbances up to `L_d`.
 
-        The Jacobian is taken over the strip ``|x1| <= half_width``. A strip of no width is the
-        paper's choice, the Jacobian at the origin, and says nothing about any other point. Where
-        the condition does not hold in the strip, the rate is 0 and the bound inf.
+        The Jacobian is taken over the strip ``|x1| <= half_width``. Zero width is the paper's
+        choice, the Jacobian at the origin, which does not cover any other point. If the condition
+        fails in the strip, the rate is 0 and the bound inf.
         """
         edges = np.array([0.0, half_width])
         epsilon = float(np.min(self.margin(edges)))
@@ -103,7 +103,7 @@ def paths(model: Duffing, x_0: npt.ArrayLike, d: npt.ArrayLike, *, hold: float) 
     x = np.broadcast_to(np.asarray(x_0, dtype=float), (d.shape[1], 2)).copy()
     states = np.empty((len(d) * STEPS + 1, *x.shape))
     states[0] = x
-    # Every path starts at `x_0` and takes equal steps of the classical Runge-Kutta rule.
+    # Every path starts at `x_0`, with equal steps of the classical Runge-Kutta method.
     step = hold / STEPS
     for k, now in enumerate(d):
         push = np.stack([np.zeros_like(now), now], axis=-1)
@@ -141,7 +141,7 @@ class DuffingCase:
 
     @cached_property
     def theorem(self) -> tuple[float, float]:
-        """Rate and bound of Theorem 1 with the Jacobian at the origin, as the paper takes it."""
+        """Rate and bound of Theorem 1 with the Jacobian at the origin, as in the paper."""
         return self.model.bound(printed.DUFFING_L_D)
 
     @property
@@ -150,8 +150,8 @@ class DuffingCase:
         f_0, (rate, radius) = self.model.rates(self.x[0, 0]), self.theorem
         least = math.sqrt(np.linalg.eigvalsh(self.model.P)[0])
         start = math.sqrt(float(f_0 @ self.model.P @ f_0)) / least
-        # With ``V = f' P f``: ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)``, b its last
-        # value.
+        # With ``V = f' P f``: ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)``, with b its
+        # limit.
         return radius + (start - radius) * np.exp(-0.5 * rate * self.t)
 
     @property
@@ -161,7 +161,7 @@ class DuffingCase:
 
 
 def along_the_motion(model: Duffing) -> FloatArray:
-    """The disturbance that always pushes the way the mass moves, shape (intervals, 1)."""
+    """The disturbance that always acts in the direction of motion, shape (intervals, 1)."""
     L_d, d = printed.DUFFING_L_D, np.empty((INTERVALS, 1))
     x = np.array(printed.DUFFING_X_0)
     for k in range(INTERVALS):
@@ -171,9 +171,9 @@ def along_the_motion(model: Duffing) -> FloatArray:
 
 
 class DuffingCases:
-    """Figure 3, computed when asked for."""
+    """Figure 3, computed on demand."""
 
-    model = Duffing(**printed.DUFFING_A)  # that of (a)
+    model = Duffing(**printed.DUFFING_A)  # the oscillator of (a)
 
     @cached_property
     def noise(self) -> FloatArray:
@@ -184,7 +184,7 @@ class DuffingCases:
 
     @cached_property
     def disturbed(self) -> dict[str, DuffingCase]:
-        """Figure 3 (a) under the assumed noise, and the hard end of what the bound allows."""
+        """Figure 3 (a) under the assumed noise, and under the hardest allowed disturbances."""
         disturbances = {
             "noise": self.noise,
             "constant L_d": np.full((INTERVALS, 1), printed.DUFFING_L_D),
@@ -219,7 +219,7 @@ class DuffingCases:
 
     @cached_property
     def slowest_decay(self) -> float:
-        """Smallest rate at which |f| really decays over R(f), on a grid of alpha and delta."""
+        """Smallest actual decay rate of |f| relative to R(f), on a grid of alpha and delta."""
         ratios = []
         for alpha, delta in product((0.1, 0.2, 0.5, 1.0, 2.0, 5.0), (0.2, 0.5, 1.0, 1.5, 3.0)):
             model = Duffing(alpha=alpha, beta=0.0, delta=delta)

@@ -1,4 +1,4 @@
-"""One flight of the paper's continuous loop, its measures, and the commands it begins with."""
+"""One flight of the paper's continuous loop, its measures and initial commands."""
 
 import math
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ from flighttune.vehicles.plants.point_mass import LOST
 # Time between the samples of a flight, s.
 SAMPLE = 0.01
 
-# Errors below this are called near the origin, rad.
+# Errors below this count as near the origin, rad.
 NEAR = 0.05
 
-# Relative and absolute tolerance of an integration step; how far past a switch it is detected.
+# Relative and absolute tolerance of an integration step; overshoot at which a switch is detected.
 TOLERANCE = 1e-12
 
-# Longest step where a switch could be missed, s: events are looked for at the ends of steps.
+# Longest step if a switch could be missed, s, because events are tested at the ends of steps.
 MAX_STEP_S = 0.01
 
 REFERENCE = np.array([printed.CHI_C, printed.GAMMA_C])
@@ -46,11 +46,11 @@ class PaperFlight:
     u: FloatArray
     unlimited: FloatArray
     integral: FloatArray
-    reason: str  # why the flight diverged, in a sentence; empty if it did not
+    reason: str  # reason of a divergence, in a sentence; else empty
 
     @property
     def status(self) -> Literal["completed", "diverged"]:
-        """Whether the flight lasted as long as asked."""
+        """Whether the flight lasted its whole time."""
         return "diverged" if self.reason else "completed"
 
     @cached_property
@@ -66,8 +66,7 @@ class PaperFlight:
         # Section 5.2 of arXiv 2411.13140, in words: ITAE is the integral of ``t |x|`` by the
         # trapezoidal rule; MO the largest value of x and PT its time (the errors begin below zero
         # and overshoot upwards); MS and ST the mean and standard deviation over the last quarter;
-        # mean and std those over the whole time; energy the integral of x^2. ``_rad`` is rad/s for
-        # rates.
+        # mean and std over the whole time; energy the integral of x^2. ``_rad`` is rad/s for rates.
         inside, rows = self.t <= printed.DURATION + 0.5 * SAMPLE, {}
         t = self.t[inside]
         late = t >= 0.75 * t[-1]
@@ -102,7 +101,7 @@ class PaperFlight:
 
     @property
     def released(self) -> float:
-        """Last time at which a command was limited, s; 0 if none ever was."""
+        """Last time with a limited command, s; 0 without any."""
         limited = self.t[np.any(self.u != self.unlimited, axis=1)]
         return float(limited[-1]) if len(limited) else 0.0
 
@@ -120,13 +119,13 @@ def oscillations(x: FloatArray) -> int:
 
 
 def decay_rate(t: FloatArray, norm: FloatArray) -> float:
-    """Rate of the exponential that `norm` follows, by a straight line through its logarithm."""
+    """Decay rate of `norm`, from a straight line through its logarithm."""
     seconds, norms = t[norm > 0.0], norm[norm > 0.0]
     return -float(np.polyfit(seconds, np.log(norms), 1)[0]) if len(norms) > 2 else math.nan
 
 
 def initial_commands(gains: PIGains) -> pd.DataFrame:
-    """Both commands and their rates at the first instant, ranges, and shares of the limit used."""
+    """Both commands and their rates at the first instant, with ranges and used shares."""
     x_0, limits, nothing = printed.E_0, printed.printed_limits(), np.zeros(2)
     # ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
     states = np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT]), np.concatenate([nothing, x_0])
@@ -141,7 +140,7 @@ def initial_commands(gains: PIGains) -> pd.DataFrame:
 
 
 def largest_share(gains: PIGains) -> float:
-    """Largest share of a limit among `initial_commands`; at most one where all limits hold."""
+    """Largest used share of a limit in `initial_commands`; at most one if all limits hold."""
     return float(initial_commands(gains)["share"].max())
 
 
@@ -149,14 +148,14 @@ class Moving(NamedTuple):
     """A command that does not follow the controller."""
 
     speed: float  # its rate: a rate limit, or 0 at the end of its range
-    side: int  # sign of unlimited command minus command; 0 where anti-windup keeps the two together
-    bound: float  # end of the range that it meets next
+    side: int  # sign of unlimited command minus command; 0 if anti-windup keeps the two equal
+    bound: float  # next end of the range
 
 
 class Signals(NamedTuple):
     """The loop at one instant, shape (2,), or over time, (2, k); `a` and `b` make ``v' = a + z'``.
 
-    `v` is the command before the limits, `u` the one after; `a` is ``K_P e'`` and `b` is ``K_I e``.
+    `v` is the command before and `u` after the limits; `a` is ``K_P e'`` and `b` is ``K_I e``.
     """
 
     e: FloatArray
@@ -170,16 +169,16 @@ class Signals(NamedTuple):
 class ContinuousLoop:
     """State y = (chi, gamma, z_phi, z_n_z, u_phi, u_n_z), z the integral parts of the commands.
 
-    With ``v = K_P e + z``: without rate limits ``u = clip(v)`` and ``z' = K_I e``. That law is
-    continuous, and the error control of the integration finds its corners by itself.
+    With ``v = K_P e + z``: without rate limits ``u = clip(v)`` and ``z' = K_I e``. This law is
+    continuous, and the integration's error control resolves its corners.
 
-    With rate limits u is v as long as range and rates permit (`Moving` is None), else a state of
-    its own that moves at a rate limit towards ``clip(v)``. Conditional anti-windup has z' = 0 where
-    ``(v - u) K_I e > 0``, which jumps at v = u: where both sides drive v to u, the two stay
-    together and z' = u' - a (the solution in the sense of Filippov).
+    With rate limits u equals v as long as range and rates permit (`Moving` is None); else u is a
+    separate state that moves at a rate limit towards ``clip(v)``. Conditional anti-windup has z' =
+    0 if ``(v - u) K_I e > 0``, which jumps at v = u. If both sides drive v to u, the two stay equal
+    and z' = u' - a (Filippov's solution).
 
-    These are the limits of the discrete rules of `MimoPI` as its sample time goes to zero.
-    ``tan(phi)`` is taken as printed, whatever the roll, and the course error is not wrapped.
+    These are the limits of the discrete rules of `MimoPI` for a sample time of zero. ``tan(phi)``
+    is used as printed, for any roll, and the course error is not wrapped.
     """
 
     def __init__(
@@ -200,7 +199,7 @@ class ContinuousLoop:
         K_P, K_I, chi, gamma = self._gains.K_P, self._gains.K_I, y[0], y[1]
         e = np.array([REFERENCE[0] - chi, REFERENCE[1] - gamma])
         v = K_P @ e + y[2:4]
-        # np.clip, which costs five times as much on two numbers
+        # as np.clip, which takes five times as long for two numbers
         u = np.minimum(np.maximum(v.T, self._limits.lower), self._limits.upper).T
         for i in (0, 1):
             if self._moving[i] is not None:
@@ -228,7 +227,7 @@ class ContinuousLoop:
         return np.concatenate([-s.e_dot, z_dot, u_dot])
 
     def margins(self, i: int, t: float, y: FloatArray) -> tuple[float, float]:
-        """Margins of command `i` before it switches: to its range, and to any other limit."""
+        """Margins of command `i` to its next switches: to its range, and to other limits."""
         s, limits, moving = self.signals(t, y), self._limits, self._moving[i]
         u, v, a, b = s.u[i], s.v[i], s.a[i], s.b[i]
         if moving is None:
@@ -244,7 +243,7 @@ class ContinuousLoop:
         return to_bound, min(z_dot - min(b, 0.0), max(b, 0.0) - z_dot)
 
     def switch(self, t: float, y: FloatArray) -> None:
-        """Go on from `y` at time `t`, every command with nothing left in its next mode."""
+        """Continue from `y` at time `t`, with every command without margin in its next mode."""
         self.y = y
         for i in (0, 1):
             in_range, to_limit = self.margins(i, t, y)
@@ -261,12 +260,12 @@ class ContinuousLoop:
             self._start_moving(i, t, moving.side if apart and moving is not None else 0)
 
     def _start_moving(self, i: int, t: float, side: int) -> None:
-        """The mode of command `i`, which v is on the given `side` of; 0 where it equals v."""
+        """The mode of command `i`, with v on the given `side` of it; 0: equal to v."""
         self._moving[i] = Moving(0.0, 0, math.inf)
         s, limits = self.signals(t, self.y), self._limits
         u, v, a, b = s.u[i], s.v[i], s.a[i], s.b[i]
         lower, upper = limits.lower[i], limits.upper[i]
-        # Outside its range a command comes back at the rate limit; at an end it does not go on.
+        # Outside its range a command returns at the rate limit; at an end it stops.
         fastest = limits.rate_lower[i] if u > upper else limits.rate_upper[i] if u != upper else 0.0
         slowest = limits.rate_upper[i] if u < lower else limits.rate_lower[i] if u != lower else 0.0
         if side:
@@ -296,8 +295,8 @@ def fly(
 ) -> PaperFlight:
     """Fly the paper's manoeuvre for `duration` seconds.
 
-    By default under the printed ranges without rate limits, as the paper must have flown, and
-    without the conditional anti-windup that it does not have.
+    By default under the printed ranges without rate limits, as the paper must have done, and
+    without conditional anti-windup, which the paper lacks.
     """
     limits = printed.printed_ranges() if limits is None else limits
     loop = ContinuousLoop(gains, limits, conditional=conditional, disturbance=disturbance)
@@ -308,7 +307,7 @@ def fly(
 
     events = [lost]
     if loop.rate_limited:
-        # The tolerance keeps the margin that is used up at a switch from ending the next piece too.
+        # With the tolerance, the margin that ended at a switch does not end the next piece at once.
         events += [lambda t, y, i=i: min(loop.margins(i, t, y)) + TOLERANCE for i in (0, 1)]
     for event in events:
         event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]

@@ -1,8 +1,8 @@
-"""Numbers that the paper prints, and the few that had to be assumed because it does not.
+"""Numbers printed in the paper, and the few assumed numbers that it does not print.
 
-Printed numbers are those of arXiv 2411.13140; a name says which table or figure. Items carry the
-names of the figure labels in the paper's source; in print the figures are numbered 1 to 10 in the
-order in which they appear.
+Printed numbers come from arXiv 2411.13140; a name tells the table or figure. Items have the names
+of the figure labels in the paper's source; in print the figures are numbered 1 to 10 in order of
+appearance.
 """
 
 import math
@@ -24,7 +24,7 @@ CHI_0, GAMMA_0, PHI_0, N_Z_0 = math.pi / 3, math.pi / 4, math.pi / 3, 1.0
 # Table 1: references, rad.
 CHI_C, GAMMA_C = 0.0, math.pi / 12
 
-# Table 1: time simulated, s.
+# Table 1: simulated time, s.
 DURATION = 20.0
 
 # Section 4.4: time over which the first error is integrated for the input constraints, s.
@@ -49,7 +49,7 @@ STAR = "K*"
 # R_K and I_K as printed: the rows of Table 2, and the line below K* of section 5.2.
 INDICATORS = {**TABLE_2, STAR: (0.4427, 4.9244)}
 
-# Section 5.2.1: what the overshoots in rad and their times in s are said not to exceed.
+# Section 5.2.1: stated bounds on the overshoots, rad, and their times, s.
 LARGEST_OVERSHOOT = {"chi": 0.8, "gamma": 0.4}
 LARGEST_PEAK_TIME = 4.0
 
@@ -61,7 +61,7 @@ TABLE_3: dict[str, tuple[float, float]] = {
 # The disturbance of Table 1 is this one of Table 3.
 PRINTED_DISTURBANCE = "d2"
 
-# Assumed: the d family is flown to here, s, because the text speaks of the time after 20 s.
+# Assumed: duration of the d family, s, because the text discusses the time after 20 s.
 AFTERWARDS = 40.0
 
 # Assumed: bound on I_K of the optimisation model; the printed optimum must satisfy it.
@@ -104,8 +104,8 @@ DUFFING_L_D = 2.5
 # Assumed start of the oscillator.
 DUFFING_X_0 = (1.5, 0.0)
 
-# Assumed set of figure 3 (b) to (d); beta is alpha / 2 as in (a), delta that of (a).
+# Assumed set of figure 3 (b) to (d); beta is alpha / 2 and delta is equal, as in (a).
 DUFFING_ALPHAS = (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
 
-# Assumed noise: held for this many s, this many runs, from this seed.
+# Assumed noise: hold time, s, number of runs, and seed.
 DUFFING_HOLD, DUFFING_RUNS, DUFFING_SEED = 0.1, 40, 2411

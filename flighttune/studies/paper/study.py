@@ -1,4 +1,4 @@
-"""Everything the items, claims and errata are made from, computed once and when needed."""
+"""The basis of items, claims and errata, computed once on demand."""
 
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -21,9 +21,9 @@ ORDER = ("K1", "K2", "K3", printed.STAR, "K4", "K5", "K6")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """The paper's experiments with one set of gains in the place of K*."""
+    """The paper's experiments with one gain set in place of K*."""
 
-    star: PIGains = PAPER_GAINS  # the gains judged, by default the printed K*
+    star: PIGains = PAPER_GAINS  # the judged gains, by default the printed K*
 
     @cached_property
     def model(self) -> LinearModel:
@@ -133,7 +133,7 @@ class Study:
 
 
 def rank_correlation(x: pd.Series, y: pd.Series) -> float:
-    """Spearman's rank correlation of two series with one index; 0 where one is constant."""
+    """Spearman's rank correlation of two series with one index; 0 if one is constant."""
     if min(x.nunique(), y.nunique()) < 2:
         return 0.0
     return float(x.corr(y, method="spearman"))
