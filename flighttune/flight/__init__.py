@@ -1,1 +1,1 @@
-"""A scenario to runs: tune, fly, hold against requirements, explain, fly again."""
+"""From a scenario to runs: tune, fly, check requirements, explain, repeat."""

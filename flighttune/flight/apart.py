@@ -1,4 +1,4 @@
-"""A copy of this process, whose crash or hang ends what it does there alone."""
+"""A copy of this process, whose crash or hang ends only its own work."""
 
 import os
 import signal
@@ -13,37 +13,37 @@ from flighttune.base.errors import PlantError, ending_of, need_fork
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-# Called with the label of a run and the part of it flown, 0 to 1.
+# Called with the label of a run and its flown share, 0 to 1.
 Progress: TypeAlias = Callable[[str, float], None]
 
-# Time after which a copy that its own alarm has not ended is given up, s.
+# Time after which a copy that its own alarm did not end is abandoned, s.
 GRACE_S = 5.0
 
 
 def apart(
     call: Callable[[Progress], Any], silence: float, progress: Progress | None = None
 ) -> tuple[Any, str, float]:
-    """Result of `call` in a copy of this process or None, how that ended, and the part flown."""
+    """Result of `call` in a copy of this process or None, the copy's end, and the flown share."""
     import multiprocessing  # here: --help must be quick
 
     need_fork("code of your own and the reader of a log")
-    # a copy has the classes of the user's, which another process would have to import again
+    # a copy already has the user's classes, which another process would have to import
     fork = multiprocessing.get_context("fork")
     receiver, sender = fork.Pipe(duplex=False)
-    # The copy ends by itself where `call` reports no progress for `silence` seconds, as Python
-    # could not while a library computes. What it prints goes to stderr.
+    # An alarm ends the copy if `call` reports no progress for `silence` seconds, since Python
+    # cannot act while a library computes. Its output goes to stderr.
     process = fork.Process(target=_answer, args=(call, silence, sender))
     part = 0.0
-    with warnings.catch_warnings():  # the threads of the libraries take no part in a flight
+    with warnings.catch_warnings():  # the threads of libraries do not take part in a flight
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
-    sender.close()  # else the pipe would stay open here when the copy ends
+    sender.close()  # else the pipe would stay open here after the end of the copy
     late = f"made no progress for {silence:.0f} s"
     try:
         while receiver.poll(silence + GRACE_S):
             try:
                 result, *seen = receiver.recv()
-            except (EOFError, OSError):  # at the end of a message or inside it
+            except (EOFError, OSError):  # a message may be cut at its end or inside
                 process.join()
                 code = process.exitcode or 0
                 ended = f"ended by {ending_of(code)}"
@@ -62,10 +62,10 @@ def apart(
 
 
 def _answer(call: Callable[[Progress], Any], silence: float, sender: "Connection") -> None:
-    import resource  # Windows has none
+    import resource  # Windows lacks the module
 
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command, which ends its copies
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no core dump in the working folder
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the command
     for ends in (signal.SIGTERM, signal.SIGALRM):
         signal.signal(ends, signal.SIG_DFL)
     sys.stdout = sys.stderr
@@ -79,10 +79,10 @@ def _answer(call: Callable[[Progress], Any], silence: float, sender: "Connection
     signal.setitimer(signal.ITIMER_REAL, silence)
     try:
         result = call(seen)
-    except Exception as error:  # of the plant or the scenario, for the command to say
+    except Exception as error:  # an error of the plant or scenario, which the command reports
         result = error
     signal.setitimer(signal.ITIMER_REAL, 0.0)
     try:
         sender.send((result,))
-    except Exception as error:  # a class that only this copy knows
+    except Exception as error:  # an object of a class that only this copy knows
         sender.send((PlantError(f"a law or plant must return what can be copied, got {error!r}"),))

@@ -1,4 +1,4 @@
-"""What a scenario means in SI: its start, the limits of its commands, its reference, its air."""
+"""A scenario in SI: its start, the limits of its commands, its reference and its air."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -23,16 +23,16 @@ from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import FlightCondition
 from flighttune.vehicles.plants.weather import Weather, WindProfile, path_through_air
 
-# Share of every limit that a reference of shape feasible leaves to the feedback by default.
+# Default share of every limit that a feasible reference reserves for the feedback.
 MARGIN = 0.2
 
-# Times at which a reference is looked at for its steepest slopes.
+# Number of times at which the slopes of a reference are computed.
 REFERENCE_SAMPLES = 401
 
-# Courses of a turn, besides its first, at which its slope is looked at in the wind.
+# Number of courses in a turn, besides the first, at which its slope in the wind is computed.
 TURN_COURSES = 8
 
-# Roll short of 90 deg, rad: beyond it no turn rate is out of reach.
+# Roll just below 90 deg, rad, at which any turn rate is reachable.
 STEEPEST_ROLL = math.pi / 2.0 - 1e-6
 
 AnyReference: TypeAlias = Reference | FeasibleReference | RouteReference
@@ -40,7 +40,7 @@ T = TypeVar("T")
 
 
 def _kept(found: Callable[[Scenario], T]) -> Callable[[Scenario], T]:
-    """What a scenario means, found once: like a cached property, a copy is asked again."""
+    """A cached value of a scenario; like a cached property, a copy computes it again."""
 
     @wraps(found)
     def kept(scenario: Scenario, /) -> T:
@@ -54,7 +54,7 @@ def _kept(found: Callable[[Scenario], T]) -> Callable[[Scenario], T]:
 
 @_kept
 def stated_condition(scenario: Scenario) -> FlightCondition:
-    """Condition that [flight] states; on a route its angles count from those of its start."""
+    """Condition stated in [flight]; on a route its angles count from the route's start."""
     f = scenario.flight
     chi, gamma = (0.0, 0.0) if scenario.route is None else reference_of(scenario).initial
     return FlightCondition(
@@ -69,7 +69,7 @@ def stated_condition(scenario: Scenario) -> FlightCondition:
 
 @_kept
 def start_condition(scenario: Scenario) -> FlightCondition:
-    """Condition in which the flight starts in its steady wind: the path through the air."""
+    """Condition at the start of the flight in its steady wind: the path through the air."""
     start, wind = stated_condition(scenario), scenario.wind
     if wind is None or scenario.flight.start == "heading":
         return start
@@ -83,14 +83,14 @@ def start_condition(scenario: Scenario) -> FlightCondition:
 
 @_kept
 def command_limits(scenario: Scenario) -> Limits:
-    """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
+    """Limits of the commands on every plant, from [limits] or else from the first aircraft."""
     if (aircraft := scenario.aircraft) and scenario.limits == LimitsTable():
         return aircraft[0].config.limits.limits(airspeed=scenario.airspeed)
     return scenario.limits.limits(airspeed=scenario.airspeed)
 
 
 def limits_on(scenario: Scenario, plants: Iterable[PlantTable]) -> Limits:
-    """Limits of the commands that the scenario and these plants allow, on aircraft their own."""
+    """Limits of the commands that satisfy the scenario and, for aircraft, their own limits."""
     limits = command_limits(scenario)
     for plant in plants:
         if plant.aircraft is not None:
@@ -115,7 +115,7 @@ def weather_of(scenario: Scenario) -> Weather | None:
 
 @_kept
 def reference_of(scenario: Scenario) -> AnyReference:
-    """The reference that the outer loop follows; an InputError says why it cannot be flown."""
+    """The reference of the outer loop; InputError if it cannot be flown."""
     if scenario.feasible:
         return feasible_reference(manoeuvre_of(scenario))
     if scenario.route is not None:
@@ -148,14 +148,14 @@ def _route_reference(scenario: Scenario, table: RouteTable) -> RouteReference:
 class Slope(NamedTuple):
     """A climb or descent of a reference, by its path through the air."""
 
-    air: float  # rad: path angle through the air, which thrust and drag bear
+    air: float  # rad: path angle through the air, which thrust and drag balance
     gamma: float  # rad: over ground
     V_a: float  # m/s
     words: str  # where
 
     @property
     def over_ground(self) -> str:
-        """The path angle over ground in words, to follow the other; empty where it is the same."""
+        """The path angle over ground in words, as an addition; empty if both angles are equal."""
         air, ground = (f"{x / DEG:.1f} deg" for x in (self.air, self.gamma))
         return "" if air == ground else f" through the air ({ground} over ground)"
 
@@ -183,9 +183,9 @@ def slopes(scenario: Scenario) -> list[Slope]:
 
 
 def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
-    """A sentence for the steepest climb and descent that an aircraft cannot hold, and why."""
+    """A sentence for the steepest climb and descent that an aircraft cannot hold."""
     from flighttune.vehicles.plants.jsbsim.trim import (
-        steepest,  # where only the law flies, no JSBSim
+        steepest,  # JSBSim is not needed if only the law flies
     )
 
     found, h, notes = slopes(scenario), scenario.flight.h_m, []
@@ -202,13 +202,13 @@ def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
 
 
 def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
-    """The change that a reference of shape feasible makes, within the limits less the margin."""
+    """The change of a feasible reference, within the limits less the margin."""
     reference, f, limits = scenario.reference, scenario.flight, command_limits(scenario)
-    assert reference is not None  # of shape feasible
+    assert reference is not None  # a feasible reference has these
     for plant in scenario.aircraft:
         own, design = plant.config.limits.limits(), plant.config.design
-        # Below the airspeed an aircraft is designed for its largest load factor falls with the
-        # square of airspeed, as lift does.
+        # Below the design airspeed of an aircraft its largest load factor falls with the square of
+        # airspeed, like lift.
         lift = 1.0 if design is None else min(1.0, (f.V_a_mps / design.V_a) ** 2)
         at_lift = np.array([1.0, lift])
         limits = limits.within(replace(own, lower=at_lift * own.lower, upper=at_lift * own.upper))
@@ -244,7 +244,7 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
 
 
 def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, InnerLag] | None:
-    """Lags of roll and load factor, if any; those of an aircraft are the nearest identified."""
+    """Lags of roll and load factor, if any; for an aircraft, the nearest identified lags."""
     if plant.aircraft is None:
         return plant.lags()
     return plant.identified_model.nearest(V_a, gamma).lags
@@ -256,14 +256,14 @@ def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]
         return 0.0, 0.0
     _, gamma = reference_of(scenario).initial
     lags = plant and lags_of(plant, scenario.flight.V_a_mps, gamma)
-    # Each lag is that to a ramp and half of a sample, over which commands are held.
+    # Each lag is the ramp lag plus half a sample for held commands.
     phi, n_z = (0.0, 0.0) if lags is None else (lags[0].whole, lags[1].whole)
     hold = 0.5 / scenario.controller.rate_hz
     return phi + hold, n_z + hold
 
 
 def check_roll_in(scenario: Scenario) -> None:
-    """Refuse ramps that roll in by a rate beyond the limits in still air; say what would do."""
+    """Refuse ramps that roll in faster than the limits allow in still air, and name the remedy."""
     reference, f = scenario.reference, scenario.flight
     if reference is None or not scenario.rolls_in:
         return
@@ -284,7 +284,7 @@ def check_roll_in(scenario: Scenario) -> None:
                 f"{ramp.rate_dps:g} deg/s."
             )
         if ramp.roll_in_s < (least := abs(load) / float(rates[i])):
-            enough = math.ceil(1000.0 * least) / 1000.0  # rounded up: what is named must do
+            enough = math.ceil(1000.0 * least) / 1000.0  # rounded up, so that it suffices
             raise InputError(
                 f"{where} `roll_in_s` must be at least {enough:g} s, in which `{rate_key}` of "
                 f"[limits] gives the rate of {ramp.rate_dps:g} deg/s, got {ramp.roll_in_s:g} s."

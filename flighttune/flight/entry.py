@@ -1,4 +1,4 @@
-"""What flies: one gain set by one law on one plant of a scenario, found once by their names."""
+"""An entry: one gain set by one law on one plant of a scenario, resolved once from names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,13 +17,13 @@ from flighttune.vehicles.plants.base import FlightCondition
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Entry:
-    """One gain set flown by one law on one plant of a scenario: each flight is that of an entry."""
+    """One gain set flown by one law on one plant of a scenario; each flight belongs to an entry."""
 
     scenario: Scenario
     plant: PlantTable
     law: Law
-    gains: PIGains | None  # None where tuning found none
-    name: str  # of the gains, as runs have it: ``tuned``, ``exact:tuned``
+    gains: PIGains | None  # None if tuning found no gains
+    name: str  # name of the gains in runs: ``tuned``, ``exact:tuned``
 
     @property
     def label(self) -> str:
@@ -37,7 +37,7 @@ class Entry:
 
     @property
     def found_gains(self) -> PIGains:
-        """Its gains; an InputError says that tuning found none."""
+        """Its gains; InputError if tuning found none."""
         if self.gains is None:
             raise InputError(
                 f"`gains` must be there to fly, got none for {self.name}: its tuning was "
@@ -47,7 +47,7 @@ class Entry:
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits of the commands: of the scenario and, on an aircraft, of its folder."""
+        """Limits of the commands by the scenario and, for an aircraft, by its folder."""
         return conditions.limits_on(self.scenario, [self.plant])
 
     @property
@@ -67,7 +67,7 @@ class Entry:
 
     @cached_property
     def wind_from(self) -> "Entry | None":
-        """The aircraft whose wind the plant replays; None of an aircraft, or in still air."""
+        """The aircraft whose wind the plant replays; None for an aircraft, or in still air."""
         source = self.scenario.wind_source
         if source is None or self.plant.aircraft is not None:
             return None
@@ -75,7 +75,7 @@ class Entry:
 
     @property
     def own(self) -> tuple[tuple[str, str], ...]:
-        """What flies from a file of the user: ``law`` or ``plant``, and its name."""
+        """The part from a user's file: ``law`` or ``plant``, and its name."""
         flown = self.law.name, self.plant.label
         return tuple((key, table.name or "") for key, table in self.scenario.of_files(flown))
 
@@ -84,7 +84,7 @@ class Entry:
         return entry_of(scenario, self.name, self.gains, self.plant.label)
 
     def bound(self, *parts: str) -> "Entry":
-        """The entry with the user's class of its ``law`` or ``plant``, by default of both."""
+        """The entry with the user's class for its ``law`` or ``plant``, by default both."""
         names = {"law": self.law.name, "plant": self.plant.label}
         scenario = with_own(self.scenario, flown=[names[part] for part in parts or names])
         if scenario is self.scenario:
@@ -97,7 +97,7 @@ class Entry:
 def entry_of(
     scenario: Scenario, name: str, gains: PIGains | None, label: str | None = None
 ) -> Entry:
-    """Gains by the name that runs have, on the plant of a label, by default the first."""
+    """The entry of gains by their name in runs, on the plant of a label, by default the first."""
     law, _ = scenario.law_of(name, gains)
     table = scenario.plant[0] if label is None else scenario.plant_table(label)
     return Entry(scenario=scenario, plant=table, law=law, gains=gains, name=name)

@@ -26,7 +26,7 @@ from flighttune.flight.scenario.schema import Scenario
 
 Sense: TypeAlias = Literal["at_most", "at_least"]
 
-# Measures by subject, as of `flighttune.flight.metrics.measures`
+# Measures by subject, from `flighttune.flight.metrics.measures`
 Measured: TypeAlias = Mapping[str, Mapping[str, float]]
 
 
@@ -36,14 +36,14 @@ class BoundCheck:
 
     run: str  # Label of the run; empty if only one run is checked
     subject: str  # ``chi``, ``gamma``, ``flight`` or ``loop``
-    # Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees
+    # Key of the measure in the scenario; the ending ``_deg`` means degrees
     measure: str
     sense: Sense
-    # Both in the unit of `measure`; the value is NaN if the run has none
+    # Both in the unit of `measure`; the value is NaN if the run lacks it
     bound: float
     value: float
     why: str = ""  # Why a response did not settle before the last quarter of the flight
-    flown: bool = True  # False for a run that did not end as it must: it has no value to compare
+    flown: bool = True  # False for a run with the wrong end, which has no value to compare
 
     @property
     def beyond(self) -> float:
@@ -57,8 +57,8 @@ class BoundCheck:
 
     @property
     def met(self) -> bool:
-        """Whether there is a value and it keeps the bound."""
-        return self.beyond <= 0.0  # False for NaN
+        """Whether the value exists and keeps the bound."""
+        return self.beyond <= 0.0  # NaN gives False
 
     @property
     def sentence(self) -> str:
@@ -73,13 +73,13 @@ class BoundCheck:
 
 
 class Counts(NamedTuple):
-    """Numbers of requirements that the scenario states, bounds and ends; and of runs that fail."""
+    """Numbers of requirements (bounds and ends) and of runs that fail."""
 
     requirements: int = 0
     met: int = 0
-    not_flown: int = 0  # bounds of runs that did not end as they must
-    ended: int = 0  # runs that did not end as they must, where no end is stated
-    strayed: int = 0  # completed runs that do not follow their reference to the end
+    not_flown: int = 0  # bounds of runs with the wrong end
+    ended: int = 0  # runs with the wrong end, without a stated end
+    strayed: int = 0  # completed runs that did not follow their reference to the end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,12 +88,12 @@ class ClaimCheck:
 
     # Not tested if no ``[[expect]]`` is about these runs
     verdict: Literal["met", "not met", "not tested"]
-    counts: tuple[Counts, ...]  # Those of each run
+    counts: tuple[Counts, ...]  # Numbers of each run
     bounds: tuple[BoundCheck, ...]  # Every bound, in the order of the runs
-    # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
-    # the value and by how much it missed; or how the run ended
+    # A sentence for each missed requirement: the run, the measure, its bound, the value and the
+    # difference; or the end of the run
     missed: tuple[str, ...]
-    # A sentence for each other run whose command a limit holds to the end
+    # A sentence for each other run with a limited command at the end
     held: tuple[str, ...] = ()
 
     @property
@@ -103,12 +103,12 @@ class ClaimCheck:
 
     @property
     def lower(self) -> list[BoundCheck]:
-        """Bounds below an error or time that has none above, which a poor flight meets."""
+        """Lower bounds on an error or time without an upper bound, which a poor flight meets."""
         return _lower(self.bounds)
 
     @property
     def short(self) -> str:
-        """The verdict with the number of requirements that are met, missed and not flown."""
+        """The verdict with the numbers of met, missed and unflown requirements."""
         n, met, not_flown, ended, strayed = self.total
         runs = len(self.counts)
         early = f"{ended} of {runs} run{'s' * (runs > 1)} ended early" if ended else ""
@@ -130,7 +130,7 @@ class ClaimCheck:
 
     @property
     def closest(self) -> str:
-        """The bound that is met with the least to spare, of a claim that is met."""
+        """The bound with the smallest margin, of a met claim."""
         if self.verdict != "met" or not self.bounds:
             return ""
         tightest = max(self.bounds, key=lambda check: check.margin)
@@ -139,7 +139,7 @@ class ClaimCheck:
 
     @property
     def sentence(self) -> str:
-        """The verdict with the first requirement missed or the tightest bound, and limits met."""
+        """The verdict with the first missed requirement or tightest bound, and active limits."""
         first = self.missed[:1] or [self.closest]
         return "; ".join(filter(None, [self.short, *first, *self.held[:1]]))
 
@@ -147,7 +147,7 @@ class ClaimCheck:
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """Check every run against the ``[[expect]]`` tables of its scenario.
 
-    Where all of these are about other gains than those of a run, nothing is asked of it.
+    A run whose gains no table covers has no requirements.
     """
     bounds: list[BoundCheck] = []
     sentences: list[str] = []
@@ -158,7 +158,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         made_by, measured = run.provenance, {}
         own = metrics.measures(run)
         limits = [f"{run.label}: {words}" for words in metrics.limits_in_words(own)]
-        if not judged & {None, made_by.gains_name}:  # it flies beside those that are judged
+        if not judged & {None, made_by.gains_name}:  # it flies only for comparison
             held += limits
             counts.append(Counts())
             continue
@@ -188,7 +188,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
 
 
 def bounded_loop(tables: Sequence[ExpectTable], entry: Entry) -> Measured:
-    """Measures of the linear loop of a gain set, as ``loop``, where a table bounds one."""
+    """Measures of the linear loop of a gain set, as ``loop``, if a table bounds them."""
     bounds = (bounds for table in tables for bounds in (table.at_most, table.at_least))
     wanted = {in_rad(measure) for own in bounds for measure in own.get("loop", ())}
     if entry.gains is None or not wanted:
@@ -199,7 +199,7 @@ def bounded_loop(tables: Sequence[ExpectTable], entry: Entry) -> Measured:
 def missed(
     tables: Sequence[ExpectTable], status: str, reason: str, measured: Measured, *, calm: bool
 ) -> tuple[str, ...]:
-    """A sentence for each requirement of `tables` that a run, maybe in calm air, does not meet."""
+    """A sentence for each requirement of `tables` that a run, perhaps in calm air, misses."""
     if wrong_end := _wrong_end(tables, status, reason):
         return (wrong_end,)
     misses = [check.sentence for check in bound_checks(tables, measured) if not check.met]
@@ -207,7 +207,7 @@ def missed(
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
-    """Fault in the way a run ended; empty if there is none."""
+    """Fault of a run's end; empty without a fault."""
     expected = [t.status for t in tables if t.status] or ["completed"]
     if status in expected:
         return ""
@@ -215,14 +215,14 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
     return f"{status}{wanted}: {reason or 'flown to its end'}"
 
 
-# What a command does that limits hold now from one side and now from the other.
+# Words for a command that limits hold alternately from both sides.
 SWING = "swings between its limits to the end"
 
 
 def not_followed(tables: Sequence[ExpectTable], measured: Measured, *, calm: bool) -> str:
-    """Why a completed run does not follow its reference calmly to the end; empty if it does."""
-    # The question is not asked without a bound, where another end is stated, or of a channel with a
-    # lower bound on an error or a time, which a poor flight meets.
+    """Why a completed run does not follow its reference steadily to the end; empty if it does."""
+    # This is not checked without a bound, with another stated end, or for a channel with a lower
+    # bound on an error or time, which a poor flight meets.
     swinging = {
         channel: values["held_magnitude"] + values["held_rate"]
         for channel, values in measured.items()
@@ -257,7 +257,7 @@ def not_followed(tables: Sequence[ExpectTable], measured: Measured, *, calm: boo
 
 
 def _lower(bounds: Sequence[BoundCheck]) -> list[BoundCheck]:
-    """Bounds below an error or time of a channel that has none above."""
+    """Lower bounds on an error or time of a channel without an upper bound."""
     above = {(x.run, x.subject, x.measure) for x in bounds if x.sense == "at_most"}
     return [
         x
@@ -288,7 +288,7 @@ def bound_checks(
 
 
 def envelopes(run: Run, signal: str) -> Iterator[FloatArray]:
-    """Bound of an error at each sample, SI, of every envelope that is required of a run."""
+    """Bound of an error at each sample, SI, for every required envelope of a run."""
     origin = run.provenance
     for table in (ExpectTable(**tables) for tables in origin.scenario.get("expect", ())):
         for subject, limits in table.at_most.items():
@@ -302,7 +302,7 @@ def envelopes(run: Run, signal: str) -> Iterator[FloatArray]:
 
 
 def _unsettled(name: str, measured: Mapping[str, float]) -> str:
-    """Why a response was not settled before the last quarter of its flight; else empty."""
+    """Why a response had not settled before the last quarter of its flight; else empty."""
     band, late = metrics.settling_band(name), measured.get("late_rad", 0.0)
     least = measured.get("settling_band_rad", math.inf) if band is None else band
     if not (name.startswith("settling_s") and late > least):
@@ -327,11 +327,11 @@ class FlownScenario(Answering):
     indicators : mapping of str to Indicators
         R_K, I_K and E_K on the linear model of the scenario, by name of the gain set.
     tuning : TuningResult or None
-        Result of the tuning of the gains ``tuned``, where the scenario asks for them.
+        Result of tuning the gains ``tuned``, if the scenario requests them.
     source : str
-        The scenario as arguments of a command, with its changes.
+        The scenario with its changes, as arguments of a command.
     chosen : str
-        The first gain set asked for in place of those of the scenario, as arguments of a command.
+        The first gain set that replaces the scenario's, as arguments of a command.
 
     Examples
     --------
@@ -349,12 +349,12 @@ class FlownScenario(Answering):
 
     @cached_property
     def metrics(self) -> pd.DataFrame:
-        """`channel_metrics` of every run flown; index (run, channel)."""
+        """`channel_metrics` of every flown run; index (run, channel)."""
         return metric_tables(self.runs)[0]
 
     @cached_property
     def flight(self) -> pd.DataFrame:
-        """`flight_metrics` of every run flown; index run."""
+        """`flight_metrics` of every flown run; index run."""
         return metric_tables(self.runs)[1]
 
     def __getitem__(self, label: str) -> Run:
@@ -366,11 +366,11 @@ class FlownScenario(Answering):
         return check_claim(self.scenario, self.runs)
 
     def within(self, *claims: Claim) -> "FlownScenario":
-        """The flights with what is claimed of them; an InputError says why a claim covers none."""
+        """The flights with claims about them; InputError if a claim covers none."""
         return replace(self, runs=with_claims(self.runs, claims))
 
     def records(self, files: Mapping[str, Path]) -> list[dict[str, Any]]:
-        """How each run ended and what was measured; `files` of signals are by label."""
+        """End and measures of each run; `files`: files of signals by label."""
         return [
             {
                 "plant": run.provenance.plant,

@@ -1,4 +1,4 @@
-"""A scenario to runs: every gain set, by each law on each plant, with metrics."""
+"""From a scenario to runs: every gain set by each law on each plant, with metrics."""
 
 import platform
 import shlex
@@ -45,7 +45,7 @@ from flighttune.vehicles.plants.weather import WIND, WindRecord
 
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
-# Time to load an aircraft and find its steady flight, s.
+# Maximum time to load an aircraft and find its steady flight, s.
 START_S = 20.0
 
 
@@ -64,25 +64,25 @@ def fly(
     Parameters
     ----------
     scenario : Scenario, str or Path
-        The scenario to fly: also a file, or the name of a shipped one.
+        The scenario to fly, its file, or the name of a shipped scenario.
     gains : str or sequence of str, optional
         Gain sets by name or file, by default those of the scenario.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     laws : mapping of str to callable, optional
-        Laws of your own by name, flown besides those of the scenario: each is called with a
-        `LawSetup` for every flight and returns a `Controller`.
+        Your own laws by name, in addition to the scenario's laws: each is called with a `LawSetup`
+        for every flight and returns a `Controller`.
     plants : mapping of str to callable, optional
-        Plants of your own by label: each is called for every flight and returns a `Plant`.
+        Your own plants by label: each is called for every flight and returns a `Plant`.
     progress : callable, optional
-        Called with how far each run is.
+        Called with the progress of each run.
 
     Returns
     -------
     FlownScenario
-        With one run a plant, law and gain set, which takes about 0.05 s for 20 s on a point mass
-        and 1 s on an aircraft. A run that diverged, left the envelope, hit the
-        ground, could not start, or whose law failed says so in its status and reason.
+        One run for each plant, law and gain set, which takes about 0.05 s for 20 s on a point mass
+        and 1 s on an aircraft. If a run diverged, left the envelope, hit the ground or could not
+        start, or if its law failed, its status and reason tell so.
 
     Raises
     ------
@@ -105,14 +105,14 @@ def fly(
     sets, tuning = models.gain_sets(scenario)
     indicators_of = {}
     listed = entries(scenario, sets)
-    for entry in listed[: len(sets)]:  # law and gains have their loop, whatever the plant
+    for entry in listed[: len(sets)]:  # the loop depends on law and gains, not on the plant
         linear = _linear_loop(entry)
         if linear is not None:
             indicators_of[entry.name] = indicators(
                 closed_loop(*linear), errors=len(linear[0].errors)
             )
     runs: dict[str, Run] = {}
-    # aircraft first: plants without weather replay the wind that one met
+    # aircraft first, because plants without weather replay an aircraft's wind
     for entry in sorted(listed, key=lambda entry: entry.wind_from is not None):
         run = _flown(entry, entry.wind_from and runs[entry.wind_from.label], progress)
         of_tuning = entry.gains is None and entry.listed == TUNED
@@ -127,7 +127,7 @@ def fly(
 
 
 def _linear_loop(entry: Entry) -> tuple[LinearModel, PIGains] | None:
-    """`linear_loop`; in a copy of this process where the law is a file, which may end it."""
+    """`linear_loop`; in a copy of this process if the law is a file, which may crash."""
     if not any(key == "law" for key, _ in entry.own):
         return models.linear_loop(entry)
     loop, *_ = apart(lambda _: models.linear_loop(entry), START_S)
@@ -135,7 +135,7 @@ def _linear_loop(entry: Entry) -> tuple[LinearModel, PIGains] | None:
 
 
 def _flown(entry: Entry, wind_run: Run | None, progress: Progress | None) -> Run:
-    """A flight; in a copy of this process where its law or plant is a file, which may end it."""
+    """A flight; in a copy of this process if its law or plant is a file, which may crash."""
     if not entry.own:
         return fly_alone(entry, wind_run=wind_run, progress=progress)
     duration = entry.scenario.flight.duration_s
@@ -165,7 +165,7 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
 def plant_of(
     table: PlantTable, scenario: Scenario, wind: WindRecord | None = None, *, compiled: bool = False
 ) -> Plant:
-    """A fresh plant of a scenario, ready to start; one that is no aircraft flies in `wind`.
+    """A new plant of a scenario, ready to start; a plant without weather flies in `wind`.
 
     `compiled`: an aircraft may be flown by its compiled step.
     """
@@ -204,7 +204,7 @@ def plant_of(
 
 
 def steered(plant: Plant, scenario: Scenario) -> Plant:
-    """A plant in wind with the path a scenario steers it by: over ground, or through the air."""
+    """A plant in wind, steered along the path of the scenario over ground or through the air."""
     by_air = scenario.disturbance is not None and scenario.disturbance.path == "air"
     return AirPathPlant(plant) if by_air else plant
 
@@ -216,7 +216,7 @@ def fly_alone(
     progress: Progress | None = None,
     compiled: bool = True,
 ) -> Run:
-    """Fly an entry; without the flight whose wind it replays, in the steady wind.
+    """Fly an entry, in the steady wind unless the flight with its wind is given.
 
     `compiled`: an aircraft may be flown by its compiled step.
     """
@@ -245,7 +245,7 @@ def fly_alone(
 
 
 def steady_wind(scenario: Scenario) -> WindRecord | None:
-    """The wind at the start of a flight, for plants without weather; None in still air."""
+    """The initial wind of a flight, for plants without weather; None in still air."""
     weather = conditions.weather_of(scenario)
     if weather is None or not scenario.windy:
         return None
@@ -253,7 +253,7 @@ def steady_wind(scenario: Scenario) -> WindRecord | None:
 
 
 def wind_met(run: Run) -> WindRecord:
-    """The wind that an aircraft recorded, for other plants to fly in."""
+    """The wind recorded by an aircraft, for other plants."""
     return WindRecord(t=run.t, wind=run.signals[list(WIND)].to_numpy())
 
 
@@ -267,9 +267,9 @@ def fly_once(
 ) -> Run:
     """Fly an entry once within its limits, on a plant that has not flown before.
 
-    `beside` is the label of a plant that is not in the scenario. A run that diverged, left the
-    envelope, hit the ground or could not start says so in its status and reason; only an aircraft
-    that cannot be built raises a PlantError.
+    `beside`: label of a plant that is not in the scenario. The status and reason of a run tell
+    whether it diverged, left the envelope, hit the ground or could not start. Only an aircraft that
+    cannot be built raises a PlantError.
     """
     started = time.perf_counter()
     entry = entry.bound("law")
@@ -316,7 +316,7 @@ def controller_on(entry: Entry, plant: Plant) -> Controller:
 
 
 def check_compiled(entry: Entry, run: Run) -> None:
-    """Fly an entry by JSBSim too; a PlantError says where its compiled run differs."""
+    """Repeat an entry in JSBSim; PlantError names the first difference from the compiled run."""
     again = fly_alone(entry, compiled=False)
     first = "the samples"
     if run.signals.shape == again.signals.shape:
@@ -334,7 +334,7 @@ def check_compiled(entry: Entry, run: Run) -> None:
 
 
 def manoeuvre(entry: Entry, plant: Plant, label: str) -> dict[str, Any]:
-    """Reference, start, duration and errors of a flight of a plant, as `simulate` takes them."""
+    """Reference, start, duration and errors of what is seen of a plant's flight, for `simulate`."""
     scenario, flies_in_wind = entry.scenario, WIND[0] in plant.signals
     return {
         "reference": entry.reference,
@@ -342,7 +342,7 @@ def manoeuvre(entry: Entry, plant: Plant, label: str) -> dict[str, Any]:
         "duration": scenario.flight.duration_s,
         "sensors": scenario.sensors_on(label),
         "navigation": scenario.navigation and scenario.navigation.navigation(scenario.seed),
-        # Other plants hold their airspeed whatever the path.
+        # Other plants hold their airspeed on any path.
         "speed_priority": bool(scenario.controller.speed_priority)
         and N_X_SIGNALS[0] in plant.signals,
     }
@@ -356,12 +356,12 @@ def _without_samples(made_by: Provenance, status: RunStatus, reason: str) -> Run
 
 
 def provenance(entry: Entry, beside: str = "") -> Provenance:
-    """Origin of a run of an entry, or `beside` its plant on another; its time is yet to come."""
+    """Origin of a run of an entry, or of another plant `beside` it; its time is added later."""
     return Provenance(
         scenario=entry.scenario.as_dict(),
         plant=beside or entry.plant.label,
         gains_name=entry.name,
-        # a law that gains do not describe flies by something of its own, and its run has none
+        # a law without gains (a user's own) leaves the run's gains empty
         gains=entry.gains if entry.law.by_gains else None,
         seed=entry.scenario.seed,
         versions=library_versions(),
@@ -370,14 +370,14 @@ def provenance(entry: Entry, beside: str = "") -> Provenance:
 
 
 def library_versions() -> dict[str, str]:
-    """Version of every library that shapes the numbers of a flight."""
+    """Version of every library that affects the numbers of a flight."""
     return {"python": platform.python_version(), **_installed()}
 
 
 @cache
 def _installed() -> dict[str, str]:
-    """Versions looked up once: it takes as long as a tenth of a flight."""
+    """Cached versions, because the lookup takes as long as a tenth of a flight."""
     versions = {name: version(name) for name in VERSIONED}
-    with suppress(PackageNotFoundError):  # it need not be there; rows of a batch are its own
+    with suppress(PackageNotFoundError):  # the package may be missing
         versions["numba"] = version("numba")
     return versions

@@ -1,4 +1,4 @@
-"""The verbs about gains: tune them for a scenario, certify them, and draw their frontier."""
+"""The verbs about gains: tune for a scenario, certify, and draw the frontier."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -46,30 +46,29 @@ def tune(
     prove: bool = False,
     changes: Mapping[str, Any] | None = None,
 ) -> TuningResult:
-    """Find the gains with the largest R_K, or the least cost, under the constraints of a scenario.
+    """Find the gains with the largest R_K, or the smallest cost, under a scenario's constraints.
 
-    This takes a second, over an envelope or for an infeasible problem up to a minute.
+    This takes a second, or up to a minute over an envelope or for an infeasible problem.
 
     Parameters
     ----------
     source : Scenario, TuningProblem, str or Path
-        A scenario, the name of a shipped one, or a file; or a problem, for which `starts` is the
-        only other argument.
+        A scenario, its file, or the name of a shipped scenario; or a problem, for which `starts` is
+        the only other argument.
     model : "kinematic" or "identified", optional
-        By default what the scenario's [tuning] says. On the identified model each channel is tuned
-        by itself, for the smallest R_K over the models of its conditions.
+        By default as in the scenario's [tuning]. On the identified model each channel is tuned by
+        itself, for the smallest R_K over the models of its conditions.
     law : Law, optional
         Law of the gains; by default the scenario's first.
     envelope : bool
-        Maximise the rate over the scenario's ranges of flight in place of R_K at the trim; on the
-        identified model the smallest R_K over all conditions identified. A law whose loop is the
-        same in every flight is tuned as at the trim.
+        Maximise the rate over the scenario's ranges of flight instead of R_K at the trim; on the
+        identified model, the smallest R_K over all identified conditions. A law whose loop is equal
+        in every flight is tuned as at the trim.
     lag : two numbers, or two of each channel, s, optional
-        Smallest and largest lag of the inner loop: the slowest decay behind lags between them is
-        made fastest, within the sensitivity of [tuning], by default its `lag_s`; `certify` proves
-        its rate.
+        Smallest and largest lag of the inner loop: maximise the slowest decay behind lags between
+        them, within the sensitivity of [tuning], by default its `lag_s`; `certify` proves its rate.
     starts : int, optional
-        Searches from random starts; by default what the scenario's [tuning] says.
+        Searches from random starts; by default as in the scenario's [tuning].
     prove : bool
         Also prove a bound on R_K over all gains, within a minute.
     changes : mapping of str to value, optional
@@ -78,14 +77,14 @@ def tune(
     Returns
     -------
     TuningResult
-        Its gains, or why there are none: that of an infeasible scenario has a `diagnosis` of what
-        would have to give.
+        Its gains, or the reason for none; for an infeasible scenario a `diagnosis` tells which
+        limits would have to change.
 
     Raises
     ------
     InputError, ScenarioError
-        If `starts` is not at least 1, an identified model or an envelope is missing, or an envelope
-        is asked for with a quadratic cost.
+        If `starts` is less than 1, an identified model or an envelope is missing, or an envelope is
+        combined with a quadratic cost.
     InfeasibleError
         If no bound on R_K is proven.
 
@@ -130,7 +129,7 @@ def tune(
 
 
 def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[str, Any]:
-    """Aircraft and airspeeds of the models that gains are tuned on."""
+    """Aircraft and airspeeds of the models for tuning."""
     speeds = [scenario.flight.V_a_mps]
     if scenario.tuning.model == "identified":
         identified = scenario.identified_model
@@ -157,34 +156,34 @@ def certify(
 ) -> Certification:
     """Certify the rate of gains on a linear model, and their ultimate radius under a disturbance.
 
-    This takes a fraction of a second, over an envelope some seconds.
+    This takes a fraction of a second, or some seconds over an envelope.
 
     Parameters
     ----------
     source : Scenario, LinearModel, str or Path
-        A scenario, the name of a shipped one, or a file, with the linear model of its law; or a
-        model.
+        A scenario, its file, or the name of a shipped scenario, with the linear model of its law;
+        or a model.
     gains : PIGains or str, optional
         Gains, or a gain set by name or file; by default the first of the scenario.
     envelope : bool
-        Certify over the envelope, for every flight inside the scenario's ranges; where [tuning]
-        names the identified model, at every condition identified and every mixture of their loops,
-        and over the box of their lags and delays.
+        Certify over the envelope, for every flight inside the scenario's ranges. If [tuning] names
+        the identified model: at every identified condition and every mixture of their loops, and
+        over the box of their lags and delays.
     L_d : float, rad/s^2, optional
-        Bound on the norm of the derivative of the disturbance, by default that of the scenario's
-        sinusoid. Without one only the rate is claimed. A law of your own has the unit of its x'
-        per second.
+        Bound on the norm of the derivative of the disturbance, by default from the scenario's
+        sinusoid. Without a bound only the rate is claimed. For your own law the unit is the unit of
+        its x' per second.
     lag : two numbers, or two of each channel, s, optional
-        Smallest and largest lag of the inner loop: a rate is proven for all between them, that are
-        constant or change. Delays are those of [tuning].
+        Smallest and largest lag of the inner loop: a rate is proven for all lags between them,
+        constant or changing. Delays come from [tuning].
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
     Returns
     -------
     Certification
-        Every inequality of its certificate has been proven; the claims are less than what was
-        computed by about 1e-8 of themselves to leave room for that. Refused where there is none.
+        Every inequality of its certificate has been proven; the claims are about 1e-8 weaker than
+        the computed values to leave room for the proof. Refused without a certificate.
 
     Raises
     ------
@@ -229,7 +228,7 @@ def certify(
 
 
 def _everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, ...]:
-    """The models of every condition identified, which are of one order."""
+    """The models of every identified condition, which have one order."""
     designs = models.identified_models(scenario, law, everywhere=True)
     orders = sorted({len(design.model.states) for design in designs})
     if len(orders) > 1:
@@ -250,10 +249,10 @@ def certify_scenario(
     lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
     full: bool = False,
 ) -> Certification:
-    """A certificate of gains on the linear model of a scenario, or the reason for its absence.
+    """A certificate of gains on the linear model of a scenario, or why there is none.
 
-    The arguments are those of `certify`. `full` proves the exact rate of the sampled loop too, and
-    finds the largest envelope, which takes up to a second.
+    The arguments are the same as for `certify`. `full` also proves the exact rate of the sampled
+    loop and finds the largest envelope, which takes up to a second.
     """
     settings = scenario.tuning
     law = law or scenario.law_for(gains)
@@ -308,20 +307,20 @@ def certify_scenario(
 
 
 def _of_identified(certificate: Certificate, scenario: Scenario) -> Certificate:
-    """A certificate with the files and assumptions of the aircraft that was identified."""
+    """A certificate with the files and assumptions of the identified aircraft."""
     files = files_of(scenario.identified_name)
     return replace(certificate, files=files, assumed=scenario.identified_model.assumptions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frontier(Answering):
-    """The largest R_K for each I_K of a scenario, and where gain sets lie.
+    """The largest R_K for each I_K of a scenario, and the positions of gain sets.
 
     Attributes
     ----------
     scenario : Scenario
     table : DataFrame
-        A row each point (``name`` is ``frontier``) and gain set: ``I_K`` and ``E_K`` in s^2,
+        A row for each point (``name`` is ``frontier``) and gain set: ``I_K`` and ``E_K`` in s^2,
         ``R_K`` and ``spectral_abscissa`` in 1/s, and the gains.
 
     Examples
@@ -349,23 +348,23 @@ class Frontier(Answering):
 def frontier(
     source: Scenario | str | Path, *, points: int = POINTS, changes: Mapping[str, Any] | None = None
 ) -> Frontier:
-    """Find the largest R_K for each I_K, beside the paper's and the scenario's gains.
+    """Find the largest R_K for each I_K, with the paper's and the scenario's gains for comparison.
 
     25 points take some seconds.
 
     Parameters
     ----------
     source : Scenario, str or Path
-        A scenario, its file, or the name of a shipped one.
+        A scenario, its file, or the name of a shipped scenario.
     points : int
-        Points of the frontier, at least 2; from the smallest I_K on, closest there.
+        Points of the frontier, at least 2, from the smallest I_K, where they are closest.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
     Returns
     -------
     Frontier
-        The gain sets alone if no stable gains were found within the limits.
+        Only the gain sets if no stable gains were found within the limits.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A scenario from its file, with what it names; what cannot be flown is refused in one line."""
+"""A scenario from its file, with its aircraft and models; faults are refused in one line."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -27,16 +27,16 @@ from flighttune.vehicles.identification.file import load_identified
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
 
-# Key of [flight] for each attribute of a condition that an aircraft bounds.
+# Key of [flight] for each attribute of a condition with bounds by an aircraft.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 
-# Commands of level flight, by key of [limits], in its unit, and that unit in SI.
+# Commands of level flight, by key of [limits], in the key's unit, and the unit in SI.
 LEVEL_FLIGHT = {"phi_deg": (0.0, DEG), "n_z": (1.0, 1.0), "n_x": (0.0, 1.0)}
 
-# Path angle by which a route may be shallower than a glide, rad: 0.1 deg.
+# Tolerance for a route shallower than a glide, rad: 0.1 deg.
 OFF_GLIDE = 0.1 * DEG
 
-# Key of the airspeed of all of a flight, or of its start.
+# Key of the airspeed of a whole flight, or of its start.
 SPEED = "flight.V_a_mps"
 
 # Longest flight along the route of a file, s.
@@ -55,7 +55,7 @@ def load_scenario(
     changes : mapping of str to value, optional
         Values to set by dotted key, ``{"flight.V_a_mps": 30.0}``; the title then names them.
     gains : sequence of str, optional
-        Gain sets in place of the scenario's: names as runs have them, or files.
+        Gain sets that replace the scenario's: names as in runs, or files.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def load_scenario(
     ------
     ScenarioError
         If the file cannot be read, a key is unknown, missing or impossible, or an aircraft does not
-        exist or cannot start where it shall, or a model named in [tuning] cannot be read.
+        exist or cannot start at its condition, or a model named in [tuning] cannot be read.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def as_scenario(
     changes: Mapping[str, Any] | None = None,
     gains: Sequence[str] = (),
 ) -> Scenario:
-    """A scenario as it is, or that of a file with `changes`; with other `gains` if stated."""
+    """A scenario itself, or a file's scenario with `changes`; with other `gains` if given."""
     if not isinstance(source, Scenario):
         return load_scenario(source, changes=changes, gains=gains)
     if changes:
@@ -110,7 +110,7 @@ def as_scenario(
 def route_scenario(
     file: Path, mission: RouteFile, aircraft: str, changes: Mapping[str, Any] | None = None
 ) -> Scenario:
-    """A scenario in which an aircraft flies what a file states, within limits of its own."""
+    """The scenario that flies a mission file with the aircraft's own limits."""
     first, changes = load_identified(aircraft).conditions[0], changes or {}
     tables = {
         "title": file.stem,
@@ -142,7 +142,7 @@ def route_scenario(
 
 
 def speed_protected(config: AircraftConfig) -> dict[str, bool]:
-    """Keys of [controller] that protect the airspeed of an aircraft: of one with an engine."""
+    """Keys of [controller] that protect the airspeed of an aircraft with an engine."""
     return {"speed_priority": True} if config.engines.count else {}
 
 
@@ -151,7 +151,7 @@ def chosen_entry(
     wanted: PIGains | str | None,
     changes: Mapping[str, Any] | None = None,
 ) -> Entry:
-    """The `wanted` gains of a scenario with `changes`, or the first, on the first plant."""
+    """The entry of the `wanted` (or first) gains of a scenario with `changes`."""
     scenario = as_scenario(source, changes)
     place = scenario.title if isinstance(source, Scenario) else str(source)
     if isinstance(wanted, PIGains):
@@ -165,8 +165,8 @@ def chosen_entry(
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
-    """Read the aircraft of a scenario; refuse it where one cannot start or none can be tuned."""
-    # Steady flight at the start is not required here: without it a run ends with a status.
+    """Read the aircraft of a scenario; refuse it if an aircraft cannot start or be tuned for."""
+    # Steady flight at the start is not required here; without it a run ends with a status.
     with naming(source, ScenarioError):
         if scenario.route is not None:
             conditions.reference_of(scenario)
@@ -226,7 +226,7 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
 
 
 def _fault(key: str, read: Callable[[], object]) -> Iterator[str]:
-    """The InputError of `read`, if it raises one, as a sentence that begins with `key`."""
+    """The message of an InputError that `read` raises, if any, beginning with `key`."""
     try:
         read()
     except InputError as error:
@@ -234,13 +234,13 @@ def _fault(key: str, read: Callable[[], object]) -> Iterator[str]:
 
 
 def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
-    """A route that does not descend as steeply as an aircraft without an engine glides."""
+    """Faults of a route that is flatter than the glide of an aircraft without an engine."""
     from flighttune.vehicles.plants.jsbsim.trim import level  # where only the law flies, no JSBSim
 
     f = scenario.flight
     try:
         glide = level(config, f.V_a_mps, f.h_m).gamma
-    except TrimError:  # the run says so
+    except TrimError:  # the run reports it
         return
     highest = max(conditions.slopes(scenario))
     if highest.air > glide + OFF_GLIDE:
@@ -252,7 +252,7 @@ def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
 
 
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
-    """Commands and airspeeds beyond those of the aircraft."""
+    """Faults of commands and airspeeds beyond the aircraft's limits."""
     for key, (least, most), unit, symbol in (
         ("phi_deg", config.limits.phi, DEG, " deg"),
         ("n_z", config.limits.n_z, 1.0, ""),
@@ -275,8 +275,8 @@ def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
 
 
 def _level_faults(scenario: Scenario) -> Iterator[str]:
-    """Limits of commands that hold neither those of the start nor those of level flight."""
-    # A flight may begin beyond its limits and come back to them, or turn all the time.
+    """Faults of limits that contain neither the commands of the start nor of level flight."""
+    # A flight may begin beyond its limits and return, or turn all the time.
     limits = conditions.limits_on(scenario, scenario.plant)
     bounds = zip(LEVEL_FLIGHT.items(), limits.lower.tolist(), limits.upper.tolist(), strict=False)
     for i, ((key, (level, unit)), low, high) in enumerate(bounds):

@@ -1,4 +1,4 @@
-"""Tracking measures of a run: those of the paper and the usual step measures."""
+"""Tracking measures of a run: the paper's measures and the usual step measures."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,7 +26,7 @@ from flighttune.flight.loop.run import Run
 if TYPE_CHECKING:
     import pandas as pd
 
-# `error_measures`, or the same compiled
+# `error_measures`, or its compiled form
 Measure: TypeAlias = Callable[..., ErrorMeasures]
 Columns: TypeAlias = Mapping[str, FloatArray]  # signals by name
 
@@ -39,7 +39,7 @@ OFF_ROUTE = ("cross_track", "height_err")
 # Signals that the measures use.
 AIRSPEED = "V"
 
-# Names of the measures of the airspeed where it is a channel.
+# Names of the measures of the airspeed if it is a channel.
 AIRSPEED_METRICS = tuple(name.replace("_rad", "_mps") for name in (*METRICS, "peak_rad", "min_rad"))
 
 
@@ -47,7 +47,7 @@ def _largest(values: FloatArray) -> float:
     return float(np.max(np.abs(values)))
 
 
-# Measures of a flight by name: the signal of each, and the measure of it.
+# Measures of a flight by name: signal and measure.
 FLIGHT_MEASURES: Mapping[str, tuple[str, Callable[[FloatArray], float]]] = {
     "V_a_dev_mps": ("V_a", lambda V_a: _largest(V_a - V_a[0])),
     "n_z_min": ("n_z", np.min),
@@ -72,31 +72,31 @@ MEASURED = (
     *dict.fromkeys(signal for signal, _ in FLIGHT_MEASURES.values()),
 )
 
-# Share of the commanded change within which a flight has followed it to the end, and the error of
-# course and path angle that is allowed there whatever the change, rad.
+# A flight has followed a change to the end if the final error is within this share of it, or within
+# the second number for course and path angle, rad.
 FOLLOWED, ALWAYS_ALLOWED = 0.2, DEG
 
-# Share of the last quarter of the time from which on it is said that limits hold a command.
+# A limited command is reported from this share of the last quarter of the time.
 HELD = 0.5
 
-# A command swings between its limits if they hold it back from one side and the other in turn: in
-# most of the samples or, in calm air, so many times. A response that rolls in, rolls out and
-# corrects has two turns; in turbulence a load factor that is fed back has up to one in 5 samples.
+# A command swings between its limits if they act alternately from both sides, in most samples or,
+# in calm air, this number of times. A response that rolls in, rolls out and corrects has two
+# changes; in turbulence a load factor with feedback has up to one in 5 samples.
 SWINGS, IN_SAMPLES = 3, 0.5
 
-# Rounding of a time at which an envelope has a new bound, s.
+# Tolerance for the time of an envelope's new bound, s.
 ROUNDING_S = 1e-9
 
-# Measures that say why a response does not settle; see `settling_measures`.
+# Measures that tell why a response does not settle; see `settling_measures`.
 UNSETTLED = ("settling_band_rad", "late_rad")
 
-# Signal and unit of what an envelope over time can bound, by its subject in ``[[expect]]``.
+# Signal and unit of an error with an envelope over time, by subject in ``[[expect]]``.
 ENVELOPES = {
     name: (subject.error, shown_unit(SIGNAL_UNITS[subject.error])[0])
     for name, subject in SUBJECTS.items()
 }
 
-# Beginning of the name of such a measure: ``error within 90 deg, 6 deg from 4 s``.
+# Beginning of the name of an envelope measure: ``error within 90 deg, 6 deg from 4 s``.
 ENVELOPE = "error within "
 
 # Measures of a linear loop; see `loop_measures` of `flighttune.flight.models`.
@@ -108,12 +108,12 @@ LOOP_METRICS = (
 # Measures that may be negative.
 SIGNED = ("MS_rad", "MS_mps", "n_z_min", "n_z_max", *LOOP_METRICS)
 
-# Units of measures by the ends of their names; of airspeeds m/s stands for rad.
+# Units of measures by the endings of their names; for airspeeds m/s replaces rad.
 UNIT_OF_END = {"ITAE": "rad s^2", "ITAE_mean": "rad s", "_rad": "rad", "_mps": "m/s", "_m": "m"}
 
 
 def unit_of(subject: str, name: str) -> str:
-    """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""
+    """Unit of a measure of ``chi``, ``gamma`` or ``flight``, by its name in `measures`."""
     if name == "effort_rms":
         return "rad" if subject == "chi" else "1"
     if name.startswith(("n_z_min", "n_z_max", ENVELOPE)):
@@ -123,7 +123,7 @@ def unit_of(subject: str, name: str) -> str:
 
 
 def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
-    """`channel_metrics` and `flight_metrics` of those runs that flew, by label."""
+    """`channel_metrics` and `flight_metrics` of the runs that flew, by label."""
     import pandas as pd
 
     flown = [run for run in runs if len(run.signals) > 1 and not run.provenance.log]
@@ -135,7 +135,7 @@ def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
 
 
 def channel_metrics(run: Run) -> "pd.DataFrame":
-    r"""Tracking measures of a run, one row a channel.
+    r"""Tracking measures of a run, one row for each channel.
 
     Parameters
     ----------
@@ -145,11 +145,11 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
     Returns
     -------
     DataFrame
-        Index ``chi, gamma``; columns `METRICS`; NaN where a measure has no value.
+        Index ``chi, gamma``; columns `METRICS`; NaN for a measure without a value.
 
     Notes
     -----
-    With ``e`` the error (reference minus actual, course wrapped) over the time T flown, and the
+    With ``e`` the error (reference minus actual, course wrapped) over the flown time T, and the
     direction of travel opposite to the first error larger than 1e-6 rad:
 
     ITAE
@@ -157,11 +157,11 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
     ITAE_mean
         ITAE / T, the paper's "average".
     MO_rad
-        Maximum overshoot: the furthest the response goes beyond the reference, 0 if it does not.
-        Where no error ever exceeds 1e-6 rad there is no direction and it is 0.
+        Maximum overshoot: largest distance of the response beyond the reference, else 0. Without an
+        error above 1e-6 rad there is no direction, and it is 0.
     PT_s
-        Peak time: when the response is furthest in the direction of travel (with an overshoot, the
-        time of its peak).
+        Peak time: time of the extreme response in the direction of travel (with an overshoot, of
+        its peak).
     MS_rad, ST_rad
         Mean and standard deviation (of the population) of ``e`` over the last quarter of the time.
     rise_s
@@ -169,18 +169,19 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
         the first error is below 0.1 deg.
     settling_s
         Time from the end of a commanded change until ``|e|`` stays within 5 % of the commanded
-        change of the channel: the largest distance of its reference from where the flight starts.
-        A step ends as it begins, a flight that starts beside its reference is a step at t = 0, and
-        0 is a response that is within 5 % when a ramp ends. Of several changes the longest time,
-        each at most until the next begins. NaN if the flight ends outside, and on a route. Where no
-        change of at least 0.1 deg is commanded it is 0 if ``|e|`` stays within 0.005 deg, else NaN.
+        change of the channel: the largest distance of its reference from the start of the flight. A
+        step ends when it begins, and a flight that starts beside its reference is a step at t = 0.
+        The time is 0 for a response within 5 % at the end of a ramp. For several changes it is the
+        longest time, each at most until the next change. NaN if the flight ends outside, and on a
+        route. Without a commanded change of at least 0.1 deg it is 0 if ``|e|`` stays within 0.005
+        deg, else NaN.
     effort_rms
-        Root mean square of the command minus what steady flight on the reference needs: 0 for roll,
-        ``cos(gamma_ref)`` for load factor.
+        Root mean square of the command minus its value in steady flight on the reference: 0 for
+        roll, ``cos(gamma_ref)`` for load factor.
     saturation_s
-        Time in which the command was held by a magnitude or rate limit.
+        Time with the command at a magnitude or rate limit.
 
-    ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
+    ITAE, PT, MO, MS and ST follow arXiv 2411.13140, section 5.2, which defines them in words.
 
     Examples
     --------
@@ -196,14 +197,13 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 
 
 def measures(run: Run) -> dict[str, dict[str, float]]:
-    """All measures of a run, as numbers; empty for one of fewer than two samples, and for a log.
+    """All measures of a run, as numbers; empty for a log or fewer than two samples.
 
     ``chi`` and ``gamma``: `channel_metrics`, ``peak_rad``, the largest magnitude of the error, and
     the mean error at the end, ``end_error``, with ``end_allowed``, and `held_at_end`; ``flight``:
-    `flight_metrics`;
-    and where the airspeed is a channel ``V``, of which ``min_mps`` is the lowest airspeed. What
-    only a requirement asks for is there too: `settling_measures`, and the largest ratio of an error
-    to its envelope, for which ``cross_track`` and ``height_err`` have entries.
+    `flight_metrics`; and ``V`` if the airspeed is a channel, with the lowest airspeed as
+    ``min_mps``. Measures that only requirements use are included: `settling_measures`, and the
+    largest ratio of an error to its envelope, also for ``cross_track`` and ``height_err``.
     """
     if len(run.signals) < 2 or run.provenance.log:
         return {}
@@ -219,7 +219,7 @@ def measures_of(
 ) -> dict[str, dict[str, float]]:
     """`measures` of two or more samples of signals; `required` are `required_names`.
 
-    A reference and an airspeed that do not change may have one sample.
+    A constant reference or airspeed may have one sample.
     """
     measured: dict[str, dict[str, float]] = {}
     for channel in CHANNELS:
@@ -247,9 +247,9 @@ def envelope_bounds(name: str, t: FloatArray, subject: str, columns: Columns) ->
     parts = [part.split() for part in name.removeprefix(ENVELOPE).split(", ")]
     times = [float(part[3]) if len(part) > 2 else 0.0 for part in parts]
     bounds = np.array([float(size) * (DEG if unit == "deg" else 1.0) for size, unit, *_ in parts])
-    # Times count from the end of the last change of the reference of that channel, from the start
-    # of the flight before the first: while the reference changes, the first bound holds. Along a
-    # route, whose guidance changes it all the time, they count from the start.
+    # Times count from the end of the channel's last reference change, and from the start of the
+    # flight before the first change; during a change the first bound holds. Along a route, whose
+    # guidance changes the reference all the time, they count from the start.
     changed = np.zeros_like(t)
     if OFF_ROUTE[0] not in columns:
         moved = moves(columns[f"{subject}_ref"])
@@ -259,7 +259,7 @@ def envelope_bounds(name: str, t: FloatArray, subject: str, columns: Columns) ->
 
 
 def airspeed_metrics(run: Run) -> dict[str, float]:
-    """Measures of the airspeed, as `AIRSPEED_METRICS`; empty where it is not a channel."""
+    """Measures of the airspeed, as `AIRSPEED_METRICS`; empty if it is not a channel."""
     columns = signal_arrays(run, MEASURED)
     if "V_err" not in columns or len(run.signals) < 2:
         return {}
@@ -271,7 +271,7 @@ def _airspeed_measures(t: FloatArray, columns: Columns, measure: Measure) -> dic
     effort, ref = columns["n_x_cmd"] - steady, columns["V_ref"]
     values = measure(t, ref, error, effort, columns["n_x_limited"])._asdict()
     changed = np.flatnonzero(ref != ref[0])
-    if len(changed):  # before its reference changes, the airspeed is disturbed by all else
+    if len(changed):  # before its reference changes, everything else disturbs the airspeed
         after = slice(int(changed[0]), None)
         step = step_measures(t[after] - t[changed[0]], error[after])
         values |= dict(zip(("PT_s", "MO_rad", "rise_s"), step, strict=True))
@@ -283,16 +283,16 @@ def _airspeed_measures(t: FloatArray, columns: Columns, measure: Measure) -> dic
 def _end_errors(
     t: FloatArray, columns: Columns, channel: str, values: Mapping[str, float]
 ) -> dict[str, float]:
-    """Mean error at the end, in magnitude, and the largest with which a flight has followed."""
+    """Magnitude of the mean error at the end, and its maximum for a flight that followed."""
     error, change = columns[f"{channel}_err"], values["change_rad"]
     least = 0.0 if channel == AIRSPEED else ALWAYS_ALLOWED
-    # A flight arrives at the end of a route or not.
+    # A flight either reaches the end of a route or does not.
     if OFF_ROUTE[0] in columns or max(change, least) < SMALLEST_STEP:
         return {}
-    # The end is the last quarter of the time, whose mean error is MS_rad, or what of it comes after
-    # the last change of the reference.
+    # The end is the last quarter of the time, whose mean error is MS_rad, or its part after the
+    # last change of the reference.
     begin, mean = max(STEADY_FROM * t[-1], values["rest_s"]), values["MS_rad"]
-    # Where thrust is short the path angle is held against the one that the law is given.
+    # If thrust is short, the path angle is compared with the reduced reference of the law.
     short_of_thrust = channel == "gamma" and "gamma_given" in columns
     if short_of_thrust:
         error = error + columns["gamma_given"] - columns["gamma_ref"]
@@ -302,19 +302,19 @@ def _end_errors(
 
 
 def held_at_end(t: FloatArray, columns: Columns, command: str) -> dict[str, float]:
-    """How limits hold a command in more than half of the last quarter of the time; else empty.
+    """Shares of limits that hold a command in more than half of the last quarter; else empty.
 
     ``held_magnitude`` and ``held_rate`` are the shares of the quarter at either limit. ``swings``
-    counts how often limits hold the command back from the other side than before, and
-    ``swings_each`` is this number over that of the samples.
+    counts the changes of the side from which limits hold the command, and ``swings_each`` is this
+    number divided by the number of samples.
     """
     late = slice(int(np.searchsorted(t, STEADY_FROM * t[-1])), None)
     limited = columns[f"{command}_limited"][late]
     if np.count_nonzero(limited) <= HELD * len(limited):
         return {}
     u, wanted = columns[f"{command}_cmd"], columns[f"{command}_unlimited"]
-    # A rate limit holds a command on the side to which it moves: braking, which counts as one, may
-    # leave nothing beyond the command.
+    # A rate limit holds a command on the side of its motion; braking, which counts as a rate limit,
+    # may leave no excess.
     moved = np.diff(u, prepend=u[0])[late]
     sides = np.sign(np.where(limited == RATE_LIMITED, moved, (wanted - u)[late]))
     sides = sides[(limited != FREE) & (sides != 0.0)]
@@ -328,13 +328,13 @@ def held_at_end(t: FloatArray, columns: Columns, command: str) -> dict[str, floa
 
 
 def swings(values: Mapping[str, float], *, calm: bool) -> bool:
-    """Whether a command swings between its limits to the end, of the measures of its channel."""
+    """Whether a command swings between its limits to the end, from its channel's measures."""
     often = calm and values.get("swings", 0.0) >= SWINGS
     return often or values.get("swings_each", 0.0) > IN_SAMPLES
 
 
 def at_limits(run: Run) -> dict[str, dict[str, float]]:
-    """Shares of a flight, and of its last quarter, at the limits of each command it has."""
+    """Shares of a flight, and of its last quarter, at the limits of each command."""
     t, signals = run.t, run.signals
     late = t >= STEADY_FROM * run.duration
     shares = {}
@@ -348,7 +348,7 @@ def at_limits(run: Run) -> dict[str, dict[str, float]]:
 
 
 def limits_in_words(measured: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Which limits hold a command to the end, of `measures`."""
+    """Limits that hold a command to the end, from `measures`, in words."""
     said = []
     for channel, values in measured.items():
         if "swings" in values:
@@ -371,7 +371,7 @@ def stated_bounds(subject: str, limits: Mapping[str, Any]) -> dict[str, float]:
 
 
 def required_names(expect: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
-    """Names of the measures that only ``[[expect]]`` asks for, by subject."""
+    """Names of measures that only ``[[expect]]`` uses, by subject."""
     names: dict[str, list[str]] = {}
     for table in expect:
         bounds = (*table.get("at_most", {}).items(), *table.get("at_least", {}).items())
@@ -390,7 +390,7 @@ def settling_band(name: str) -> float | None:
 def settling_measures(
     t: FloatArray, columns: Columns, channel: str, values: Mapping[str, float], names: Sequence[str]
 ) -> dict[str, float]:
-    """Settling times within bands of their own, and why a response does not settle, by name."""
+    """Settling times within specific bands, and reasons for a response that does not settle."""
     if all(name.startswith(ENVELOPE) for name in names):
         return {}
     bands = {name: band for name in names if (band := settling_band(name)) is not None}
@@ -403,24 +403,24 @@ def settling_measures(
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
-    """The signals among `names` that a run has, as contiguous arrays."""
+    """The signals among `names` that exist in a run, as contiguous arrays."""
     columns = run.signals.columns.tolist()
     places = {name: columns.index(name) for name in names if name in columns}
-    # All at once and by place: columns asked for by name take as long as their measures.
+    # All together by position, since access by name takes as long as the measures.
     values = np.ascontiguousarray(run.signals.to_numpy().T[[*places.values()]])
     return dict(zip(places, values, strict=True))
 
 
 def flight_metrics(run: Run) -> dict[str, float]:
-    """Measures of the whole aircraft, as far as the plant shows it.
+    """Measures of the whole aircraft, as far as the plant has the signals.
 
     Returns
     -------
     dict
         ``V_a_dev_mps``, the largest deviation of airspeed from the start; ``n_z_min``, ``n_z_max``;
-        ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one;
-        ``cross_track_m`` and ``height_err_m``, the largest distance from a route to the side, from
-        its start where the flight is behind it, and above or below it.
+        ``alpha_max_rad``, the largest magnitude of the angle of attack, if the plant has one;
+        ``cross_track_m`` and ``height_err_m``, the largest distances from a route to the side and
+        above or below it; behind the start the distance from the start counts.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a scenario asks of gains: linear models, tuning problems, gain sets and their proofs."""
+"""Gains of a scenario: linear models, tuning problems, gain sets and their measures."""
 
 import math
 import pickle
@@ -35,24 +35,24 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.identification.file import DesignModel, design_model
 from flighttune.vehicles.plants.weather import turbulence_scales
 
-# Stands for a gain that may fall to nothing.
+# Replaces a gain margin down to zero.
 TINY = 1e-300
 
-# Largest sensitivity of gains of the fastest decay or the least E_K, where none is stated; and that
-# at which a loop has 35 deg of phase and 8 dB of gain for certain, more than `meet` requires.
+# Default maximum sensitivity of gains of the fastest decay or the smallest E_K; and the sensitivity
+# that guarantees 35 deg of phase and 8 dB of gain margin, more than `meet` requires.
 SENSITIVITY, LARGEST_SENSITIVITY = 1.4, 0.5 / math.sin(math.radians(17.5))
 
-# What [tuning] says for the gains of that name, and the largest sensitivity at these rates of the
-# load factor, 1/s. In wind 1.5 has 2 to 4 % less ITAE than 1.4 on aircraft of 1 and 2 1/s, and 1 %
-# more on the c172p of 0.7 1/s, whose load factor falls behind its command.
+# [tuning] for the gains of this name, and the maximum sensitivity at these rates of the load
+# factor, 1/s. In wind 1.5 has 2 to 4 % less ITAE than 1.4 on aircraft of 1 and 2 1/s, and 1 % more
+# on the c172p of 0.7 1/s, whose load factor falls behind its command.
 FED_BACK = {"objective": "rms", "feedback": True}
 IDENTIFIED: dict[str, dict[str, Any]] = {TUNED_IDENTIFIED: {}, TUNED_FED_BACK: FED_BACK}
 LIFT_RATES, SENSITIVITIES = (0.7, 1.0), (1.4, 1.5)
 
-# Lags of a range on which gains are tuned; `certify` proves the rate for all.
+# Number of lags in a range for tuning; `certify` proves the rate for all lags.
 LAGS_TUNED = 5
 
-# Smallest integral time of a loop over the delay of a limited command: design/roll_rate.md.
+# Smallest integral time of a loop, relative to the delay of a limited command: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
 
 
@@ -62,8 +62,7 @@ def identified_models(
     """A law, by default the first, behind the identified inner loop and half a sample of delay.
 
     The model is about wings-level flight on the first reference with the lags of the nearest
-    condition. If `everywhere`, or where [tuning] says ``robust``, each condition has one of its
-    own.
+    condition. If `everywhere`, or with ``robust`` in [tuning], each condition has its own model.
     """
     identified, law = scenario.identified_model, law or scenario.laws[0]
     V_a, gamma = scenario.flight.V_a_mps, reference_of(scenario).initial[1]
@@ -84,7 +83,7 @@ def law_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
 
 
 def linear_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
-    """The model of [tuning] on the first reference, with ``robust`` that of the first condition."""
+    """The model of [tuning] on the first reference; with ``robust``, of the first condition."""
     settings = scenario.tuning
     if settings.model == "identified":
         return identified_models(scenario, law)[0].model
@@ -109,8 +108,8 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     -------
     TuningProblem
         Maximise R_K of the loop about the first reference under ``I_K <= I_star`` (on the kinematic
-        law), ``E_K <= E_star`` and, where the scenario asks, the input limits at the first error.
-        With ``robust`` in [tuning] it is the problem of the first condition.
+        law), ``E_K <= E_star`` and, if the scenario requests it, the input limits at the first
+        error. With ``robust`` in [tuning] it is the problem of the first condition.
 
     Notes
     -----
@@ -129,7 +128,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
 
 
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
-    """Units of state in which R_K is maximised, shape (n + p,); None where they are plain."""
+    """Units of state in which R_K is maximised, shape (n + p,); None for plain units."""
     settings = scenario.tuning
     if settings.model == "identified":
         return identified_models(scenario, law)[0].scaling
@@ -159,9 +158,9 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
 
 
 def _weight(model: LinearModel) -> FloatArray:
-    """The entry of A by which the weight pulls on the airspeed; zeros where it is no channel."""
-    # A gain on the error of the path angle cancels this pull, but for the lag of n_x
-    # (`_with_weight`). Without the entry the three channels are tuned each by itself.
+    """The entry of A for the weight's effect on airspeed; zeros if airspeed is not a channel."""
+    # A gain on the error of the path angle cancels this effect, apart from the lag of n_x
+    # (`_with_weight`). Without the entry each of the three channels is tuned by itself.
     weight = np.zeros_like(model.A)
     if "V" in model.states:
         i, j = model.states.index("V"), model.states.index("gamma")
@@ -181,12 +180,12 @@ def _with_weight(result: TuningResult, scenario: Scenario, law: Law) -> TuningRe
 
 def _followed(scenario: Scenario, design: DesignModel, law: Law) -> FloatArray:
     """Largest K_P and K_I, course to roll and path angle to lift, that a rate can follow."""
-    # From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
-    # course on by ``g/V phi T`` with ``T = phi / (2 rate) + lag``. That must not be more than the
-    # course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course,
-    # and in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
-    # The same holds for the load factor that the first error of the path angle commands,
-    # ``K_P gamma_err``.
+    # From the largest bank phi, a roll-out at the largest rate, delayed by the lag, turns the
+    # course by another ``g/V phi T`` with ``T = phi / (2 rate) + lag``. This must not exceed the
+    # course error that commands this bank, ``phi / K_P``: else every turn overshoots its course and
+    # ends in a limit cycle. The integral must not grow by as much meanwhile, so its time is 4 T.
+    # The same applies to the load factor that the first error of the path angle commands, ``K_P
+    # gamma_err``.
     limits, settings = command_limits(scenario), scenario.tuning
     phi = min(limits.upper[0], -limits.lower[0])
     rates = np.minimum(limits.rate_upper, -limits.rate_lower)
@@ -243,10 +242,10 @@ def _problem(
 def tune_scenario(
     scenario: Scenario, law: Law | None = None, *, lag: ArrayLike | None = None, kept: bool = False
 ) -> TuningResult:
-    """The gains named ``tuned`` of a scenario, and how they were found.
+    """The gains named ``tuned`` of a scenario, as a tuning result.
 
-    `lag`: a range of lags (s) for which gains are found, as `lag_problems`, by default that of
-    [tuning]. `kept`: reuse the result if this process has solved the same problem.
+    `lag`: a range of lags (s) for tuning, as in `lag_problems`, by default from [tuning]. `kept`:
+    reuse the result if this process has solved the same problem.
     """
     law = law or scenario.laws[0]
     if not law.by_gains and law.tuned_as == law.kind:
@@ -271,7 +270,7 @@ def tune_scenario(
     return _with_weight(result, scenario, law) if identified and lag is None else result
 
 
-@lru_cache(maxsize=64)  # flights, bands and pages of a scenario ask for its gains again and again
+@lru_cache(maxsize=64)  # flights, bands and pages need the gains repeatedly
 def _solved(problems: bytes, starts: int) -> TuningResult:
     asked = pickle.loads(problems)
     if isinstance(asked, TuningProblem):
@@ -280,7 +279,7 @@ def _solved(problems: bytes, starts: int) -> TuningResult:
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
-    """Every gain set by name, None where none was found, and the tuning for the first law."""
+    """Every gain set by name, None if tuning failed, and the tuning for the first law."""
     tunings: dict[str, TuningResult] = {}
     for law in map(partial(_tuned_by, scenario), scenario.laws if TUNED in scenario.gains else ()):
         if law.tuned_as not in tunings:
@@ -293,7 +292,7 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
 
 
 def _tuned_by(scenario: Scenario, law: Law, gains: str = TUNED) -> Law:
-    """The law whose tuned gains a law is given: its own, or the first that flies by gains."""
+    """The law for which a law's gains are tuned: itself, or the first that flies by gains."""
     if law.takes_gains:
         return law
     others = (other for other in scenario.laws if other.by_gains)
@@ -302,11 +301,11 @@ def _tuned_by(scenario: Scenario, law: Law, gains: str = TUNED) -> Law:
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
     """Gains by their name in a scenario; None for tuned gains of an infeasible problem."""
-    # Tuned gains are those of the law that the name has before its colon, others are mapped to it
-    # (`Law.gains_from`). `tuning` is the result for ``tuned``, if there is one already.
+    # Tuned gains belong to the law before the colon of the name; other gains are mapped to it
+    # (`Law.gains_from`). `tuning` is an existing result for ``tuned``.
     law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
-    # Numbers that do not say what they act on are those of the only kind of gains there is.
+    # Gains that do not name their law belong to the scenario's only law.
     law_of_numbers = "exact" if inputs == {RATES} else "paper"
     numbers = {e.name: e.gains(law_of_numbers) for e in scenario.gains if isinstance(e, GainsTable)}
     available = {**paper_family(), **numbers}
@@ -382,7 +381,7 @@ def late_ranges(
 
 
 def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningProblem, ...]:
-    """Problems whose slowest decay the gains for a range of lags maximise."""
+    """Problems for a range of lags, whose slowest decay is to be maximised."""
     alone, settings = law_model(scenario, law), scenario.tuning
     lags, delays = late_ranges(scenario, law, lag)
     p, problems = len(alone.errors), []
@@ -391,8 +390,8 @@ def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningPr
     bounds = np.broadcast_to(lags, (p, 2)), np.broadcast_to(delays, (p, 2))
     if not ((bounds[0] > 0.0) & (np.diff(bounds[0]) >= 0.0)).all():
         raise InputError(f"`lag` must be positive, its low end first, got {lag} s.")
-    # The lags lie evenly in the range, each behind the least and the largest delay, as
-    # `certify_scenario` has them.
+    # The lags are evenly spaced, each with the smallest and the largest delay, as in
+    # `certify_scenario`.
     for late in dict.fromkeys(map(tuple, bounds[1].T.tolist())):
         for share in np.linspace(0.0, 1.0, LAGS_TUNED):
             each = [
@@ -414,7 +413,7 @@ def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningPr
 
 
 def sampling(scenario: Scenario, law: Law) -> Sampling:
-    """How the linear loop of a law is sampled."""
+    """The sampling of the linear loop of a law."""
     settings, dt = scenario.tuning, 1.0 / scenario.controller.rate_hz
     alone, lags = law_model(scenario, law), ()
     if settings.model == "identified":
@@ -427,7 +426,7 @@ def sampling(scenario: Scenario, law: Law) -> Sampling:
 
 
 def linear_loop(entry: Entry) -> tuple[LinearModel, PIGains] | None:
-    """The linear model that a law acts on, and its gains; None where it has none."""
+    """The linear model of a law's loop, and its gains; None without a model."""
     scenario, law, gains = entry.scenario, entry.law, entry.gains
     if gains is None:
         return None
@@ -436,12 +435,12 @@ def linear_loop(entry: Entry) -> tuple[LinearModel, PIGains] | None:
 
 
 def loop_measures(entry: Entry, wanted: Collection[str]) -> dict[str, float]:
-    """`LOOP_METRICS` of the linear loop of a gain set on the model that [tuning] names.
+    """`LOOP_METRICS` of a gain set's linear loop on the model that [tuning] names.
 
-    Margins and roll rate, which take longer, are there only if they are `wanted`. The gain, phase
-    and delay margins are the smallest of one input at a time; the disk margin is that of all. The
-    roll rate is that which lets the identified roll follow the gains at the largest bank
-    (design/roll_rate.md). An unstable loop has no margins.
+    Margins and roll rate take longer and are computed only if `wanted`. The gain, phase and delay
+    margins are the smallest for one input at a time; the disk margin is for all inputs. The roll
+    rate lets the identified roll follow the gains at the largest bank (design/roll_rate.md). An
+    unstable loop has no margins.
     """
     if (loop := linear_loop(entry)) is None:
         return {}
@@ -466,11 +465,11 @@ def loop_measures(entry: Entry, wanted: Collection[str]) -> dict[str, float]:
 
 
 def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
-    """Roll rate with which `_followed` allows the gains; NaN without a limit of roll."""
+    """Roll rate at which `_followed` allows the gains; NaN without a limit of roll."""
     limits, design = command_limits(scenario), identified_models(scenario, law)[0]
     phi = min(limits.upper[0], -limits.lower[0])
     roll_per_turn = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
-    K_P, K_I = np.maximum(gains.K[0, [0, 2]], TINY)  # a gain that is 0 or below asks for no rate
+    K_P, K_I = np.maximum(gains.K[0, [0, 2]], TINY)  # a gain of 0 or less needs no rate
     late = min(roll_per_turn / K_P, math.sqrt(roll_per_turn / (INTEGRAL_TIME * K_I)))
     if not math.isfinite(phi):
         return math.nan
@@ -481,10 +480,10 @@ def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
 def law_setup(
     scenario: Scenario, gains: PIGains, limits: Limits, *, at_once: bool = False
 ) -> LawSetup:
-    """The setup from which a law of a scenario is made, for a plant that may follow at once."""
+    """The setup of a law of a scenario, for a plant that may follow at once."""
     settings, flight = scenario.controller, scenario.flight
-    # Such a plant shows the command of the sample before. Fed back, that is no lack of roll or lift
-    # but a loop of one sample, which steep gains drive into a limit cycle.
+    # Such a plant shows the command of the previous sample. Its feedback would be a loop of one
+    # sample, which steep gains drive into a limit cycle.
     if at_once and gains.feeds_back:
         gains = replace(gains, feedback=NO_FEEDBACK)
     return LawSetup(

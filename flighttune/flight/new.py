@@ -19,17 +19,17 @@ from flighttune.vehicles.plants.jsbsim.trim import level
 
 AIRCRAFT = "aerosonde"
 
-# deg: climb of the first manoeuvre; without an engine the glide gets steeper by it.
+# deg: climb of the first manoeuvre; without an engine, the increase of the glide angle.
 CLIMB = 3.0
 
 TURN = 30.0  # deg: turn of the first manoeuvre
 
-REST = 4.0  # s: flown after it
+REST = 4.0  # s: flight after it
 
-# Significant digits of values that are computed.
+# Significant digits of computed values.
 DIGITS = 5
 
-# A first scenario, and what to do next; `_first` replaces what depends on the aircraft.
+# A first scenario with next steps; `_first` fills in values of the aircraft.
 TEMPLATE, NEXT_HEAD, NEXT = (
     Path(__file__).with_suffix(".toml").read_text(encoding="utf-8").partition("\n# What to do next")
 )
@@ -53,11 +53,10 @@ def new_scenario(
     overshoot : float, deg, optional
         Maximum overshoot of course and path angle, by default 5 and 3.
     settle : float, s, optional
-        Maximum settling time of course and path angle, to 5 %. Both are steps then.
+        Maximum settling time of course and path angle, to 5 %. Both are then steps.
 
-    Raises OutputError if there is such a file already, and InputError if the aircraft is not there
-    or cannot fly it, a requirement is not positive, or the name is empty or has a control
-    character.
+    Raises OutputError if the file exists, and InputError if the aircraft does not exist or cannot
+    fly it, a requirement is not positive, or the name is empty or has a control character.
     """
     if not name.isprintable():
         raise InputError(f"`NAME` must have printable characters only, got {name!r}.")
@@ -65,7 +64,7 @@ def new_scenario(
     if not os.path.basename(stem).strip(" ."):
         raise InputError(f"`NAME` must be that of a file, got {name!r}.")
     file = Path(f"{stem}.toml")
-    if os.path.exists(file):  # which a name that is too long does not; writing says so
+    if os.path.exists(file):  # false for a name that is too long, which writing reports
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
         aircraft = str(Path(aircraft).resolve())
@@ -106,7 +105,7 @@ def _fill_from_logs(document: Any, aircraft: str, folder: Path) -> None:
 
 
 def _first(aircraft: str, folder: Path) -> Any:
-    """The template with the values of an aircraft; as values, for its texts may hold quotes."""
+    """The template with the values of an aircraft, as TOML values because texts may have quotes."""
     document: Any = tomlkit.parse(TEMPLATE)
     flight, limits, plants = document["flight"], document["limits"], document["plant"]
     climb, change = "climb", CLIMB
@@ -131,8 +130,8 @@ def _first(aircraft: str, folder: Path) -> Any:
             table = tomlkit.inline_table()
             table.update(ramp)
             document["reference"][key].append(table)
-        # At rest for some seconds at the end, and no more: a glider whose glide got steeper speeds
-        # up.
+        # At rest for some seconds at the end but no longer, because a glider accelerates on a
+        # steeper glide.
         rest = max(r["start_s"] + r["duration_s"] + 0.5 * r["roll_in_s"] for r in ramps.values())
         flight["duration_s"] = max(flight["duration_s"], math.ceil(rest + REST))
         ends = {"phi_deg": [x / DEG for x in own.phi], "n_z": [*own.n_z]}
@@ -146,9 +145,9 @@ def _first(aircraft: str, folder: Path) -> Any:
 
 
 def _requiring(document: Any, overshoot: float | None, settle: float | None) -> str:
-    """A first scenario with requirements of course and path angle in place of its own."""
+    """A first scenario with the given requirements of course and path angle."""
     if settle is not None:
-        # Ramps are followed with hardly an error: steps of the same size have to settle.
+        # Ramps are followed almost without error, so steps of the same size must settle.
         reference, flight = document["reference"], document["flight"]
         for key, value in reference.items():
             if isinstance(value, list):
@@ -169,14 +168,14 @@ def _requiring(document: Any, overshoot: float | None, settle: float | None) -> 
 
 
 def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, Any]:
-    """A turn and a climb (deg) that roll in, in parts of what the aircraft's limits allow."""
+    """A turn and a climb (deg) that roll in, with shares of the aircraft's limits."""
     limits, ramps = config.limits, {}
     for key, change, load, load_rate in (
         ("chi_deg", TURN, math.tan(0.6 * limits.phi[1]), limits.phi_rate),
         ("gamma_deg", climb, 0.3 * (limits.n_z[1] - 1.0), limits.n_z_rate),
     ):
-        # Over the roll-in the command changes at up to 0.6 of its rate limit, and it takes at most
-        # half of the ramp: a small change has a small rate.
+        # During the roll-in the command changes at up to 0.6 of its rate limit. The roll-in takes
+        # at most half of the ramp, so a small change has a small rate.
         roll_in = load / (0.6 * load_rate)
         rate = math.copysign(load * G_PAPER / V_a / DEG, change)
         duration = max(change / rate, 2.0 * roll_in)

@@ -1,4 +1,4 @@
-"""Laws and plants of the user: classes from Python, and those of files, loaded where they fly."""
+"""The user's laws and plants: classes from Python or from files, loaded when they fly."""
 
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -31,13 +31,13 @@ def with_own(
     *,
     flown: Collection[str] | None = None,
 ) -> Scenario:
-    """A scenario whose tables of the user's laws and plants hold their classes.
+    """A scenario with the classes of the user's laws and plants in its tables.
 
-    Files are run of those laws and plants alone that are `flown`, by name; by default of all.
+    Only files of laws and plants that are `flown`, by name, are run; by default all.
     """
     laws, plants = laws or {}, plants or {}
-    # Laws and plants from the caller are flown besides those of the scenario, or in place of its
-    # tables of that name.
+    # The caller's laws and plants are flown in addition to the scenario's, or replace tables of the
+    # same name.
     names = {law.name for law in scenario.laws}
     more = [_python(name, made) for name, made in laws.items() if name not in names]
     labels = {plant.label for plant in scenario.plant}
@@ -63,7 +63,7 @@ def _bound(
     made: Mapping[str, Callable[..., Any]],
     flown: Collection[str] | None,
 ) -> list[T]:
-    """The same tables, where those of a user's law or plant hold its class."""
+    """The tables with the classes of the user's laws or plants."""
     bound = list(tables)
     for i, table in enumerate(tables):
         maker = made.get(table.name or "")
@@ -74,14 +74,14 @@ def _bound(
 
 
 def ask_to_fly(scenario: Scenario, flown: Collection[str] | None = None) -> None:
-    """Give notice of the Python files of laws and plants; a ScenarioError refuses to run them."""
+    """Give notice of the Python files of laws and plants; ScenarioError if they may not run."""
     for key, table in scenario.of_files(flown):
         code.ask(table.module or "", table.sha256, _where(scenario.title, key, table))
 
 
 def _python(name: str, made: Any) -> dict[str, Any]:
-    """The table of a law or plant given from Python: with the hash of its file, if it has one."""
-    target = getattr(made, "func", made)  # of a functools.partial
+    """The table of a law or plant from Python, with the hash of its file, if any."""
+    target = getattr(made, "func", made)  # the class inside a functools.partial
     table: dict[str, Any] = {"name": name, "kind": "python"}
     if getattr(target, "takes_gains", False):
         table["takes_gains"] = True

@@ -1,4 +1,4 @@
-"""``[[expect]]`` of a scenario: what its runs must achieve."""
+"""``[[expect]]`` of a scenario: the requirements for its runs."""
 
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -49,7 +49,7 @@ class ExpectTable(q.Table):
     its reference to the end.
     """
 
-    plant: Annotated[str, Field(min_length=1)] | None = None  # a label, or a kind for all of it
+    plant: Annotated[str, Field(min_length=1)] | None = None  # a label, or a whole kind
     gains: Annotated[str, Field(min_length=1)] | None = None  # all if left out
     status: RunStatus | None = None  # completed if left out
     at_most: Bounds = Field(default_factory=dict)  # bounds by channel, flight or loop, and measure
@@ -84,7 +84,7 @@ class ExpectTable(q.Table):
         return self
 
     def meant(self, plant: str, gains: str) -> bool:
-        """Whether the requirements apply to a run of this plant and these gains."""
+        """Whether the requirements apply to runs of this plant and these gains."""
         return goes_by(plant, self.plant) and self.gains in (None, gains)
 
 

@@ -1,4 +1,4 @@
-"""A route as an aircraft would fly it: its stretches, turns and times, before any flight."""
+"""The plan of a route for an aircraft, before any flight: stretches, turns and times."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -23,31 +23,31 @@ from flighttune.routes.mission import KINDS, ROUTE_FILES, read_route, route_plan
 from flighttune.routes.path import STEP
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
-# Aircraft that flies a file by default.
+# Default aircraft for a file.
 AIRCRAFT = "aerosonde"
 
-# Difference of radii that is none, m.
+# Radii that differ by less than this count as equal, m.
 WIDER_M = 0.5
 
-# Distance of a path from a waypoint beyond which it is said, m: `WP_RADIUS` of ArduPilot's planes.
+# A larger distance of a path from a waypoint is reported, m: `WP_RADIUS` of ArduPilot's planes.
 CORNER_M = 90.0
 
 
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedRoute(Answering):
-    """The path along a route with arcs and clothoids, and how long it takes.
+    """The path along a route with arcs and clothoids, and its duration.
 
     Attributes
     ----------
     scenario : Scenario
-        With the route, and the aircraft that is to fly it.
+        The scenario with the route and its aircraft.
     reference : RouteReference
-        The path as the outer loop follows it.
+        The path as a reference of the outer loop.
     wind : float, m/s
-        Wind for which turns are wide enough, from anywhere.
+        Wind from any direction for which turns are wide enough.
     conditions : str
-        Airspeed, wind and height of the start, and which of them are assumed.
+        Airspeed, wind and height of the start, marked if assumed.
 
     Examples
     --------
@@ -96,14 +96,14 @@ class PlannedRoute(Answering):
 
     @property
     def where(self) -> Where:
-        """The path, latitude and longitude of its start in deg, and height of the start in m."""
+        """The path, with latitude and longitude of its start in deg and height in m."""
         scenario = self.scenario
         assert scenario.route is not None
         return self.reference.path, scenario.route.origin, scenario.flight.h_m
 
     @property
     def changed(self) -> list[str]:
-        """Sentences on legs and circles flown in another way than the waypoints say."""
+        """Sentences on legs and circles that are flown differently from the waypoints."""
         assert self.scenario.route is not None
         stretches, notes = self.reference.path.stretches, []
         if around := [x for x in stretches if x.kind == "turn-around"]:
@@ -135,7 +135,7 @@ class PlannedRoute(Answering):
 
     @property
     def except_slopes(self) -> str:
-        """Words after "it can be flown" where an aircraft cannot hold a slope; empty elsewhere."""
+        """Words after "it can be flown" if an aircraft cannot hold a slope; else empty."""
         return ", but not everywhere at its airspeed" * bool(slopes_not_held(self.scenario))
 
     def save(
@@ -146,9 +146,9 @@ class PlannedRoute(Answering):
     ) -> list[str]:
         """Write the path to a file .plan, .kml or .geojson, with waypoints and rally points.
 
-        `fences` in GeoJSON, and a corridor about the path, are written too. The file is read back
-        as the same route. A fence or corridor with more vertices than vehicles take is written with
-        fewer. Returns a sentence with the metres that this costs.
+        `fences` in GeoJSON, and a corridor about the path, are also written. Reading the file gives
+        the same route. A fence or corridor with more vertices than vehicles accept is simplified.
+        Returns a sentence with the lost metres.
         """
         scenario, ending = self.scenario, Path(path).suffix.lower()
         assert scenario.route is not None
@@ -179,7 +179,7 @@ class PlannedRoute(Answering):
 
     @property
     def _stated(self) -> dict[str, Any]:
-        """Tables from which a written file is read back as the same path."""
+        """Tables in a written file from which the same path is read."""
         scenario = self.scenario
         assert scenario.route is not None
         return {
@@ -237,7 +237,7 @@ def route(
     terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> PlannedRoute:
-    """Plan the route of a scenario or of a file, which takes less than a second.
+    """Plan the route of a scenario or a file, in less than a second.
 
     Parameters
     ----------
@@ -245,10 +245,9 @@ def route(
         A scenario with a route, its file or name; or a mission: ``.plan`` of QGroundControl,
         ``.waypoints`` of Mission Planner, KML or GeoJSON.
     aircraft : str, optional
-        Aircraft that is to fly a file, at an airspeed at which it is identified; by default
-        ``aerosonde``.
+        Aircraft for a file, at an airspeed at which it is identified; by default ``aerosonde``.
     terrain : str or Path, optional
-        Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a plan are flown.
+        Raster of heights (GeoTIFF, .hgt) for a plan's heights above terrain.
     changes : mapping of str to value, optional
         Values to set in the scenario, by dotted key.
 
@@ -259,8 +258,8 @@ def route(
     Raises
     ------
     InputError
-        If the route cannot be flown: the message names the waypoint and what would do. Also if
-        there is no route, or `aircraft` is given for a scenario.
+        If the route cannot be flown; the message names the waypoint and a remedy. Also if there is
+        no route, or `aircraft` is given for a scenario.
 
     Examples
     --------

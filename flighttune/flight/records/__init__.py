@@ -1,1 +1,1 @@
-"""A run as a table and a file, flown again, and beside others."""
+"""A run as a table and a file, and its repetition."""

@@ -1,4 +1,4 @@
-"""One Parquet file per run, the record, exact to the bit; and the runs of a folder."""
+"""One Parquet file per run, exact to the bit, and the runs of a folder."""
 
 import hashlib
 import json
@@ -29,23 +29,23 @@ from flighttune.flight.loop.run import Alarm, Bounds, Provenance, Run, RunClaim
 
 PARQUET, RECORDING = ".parquet", ".rrd"
 PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
-FORMAT = 3  # version of the layout: no other one is read
-LONGEST_REASON = 160  # characters of a library's error message that are repeated
+FORMAT = 3  # version of the layout; other versions are refused
+LONGEST_REASON = 160  # maximum length of a library's message, characters
 
-# Keys in the metadata of the schema, in the order of the file: the seal must be the last one.
+# Keys in the metadata of the schema, in file order; the seal must be last.
 DESCRIPTION = b"flighttune.run"
-FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs flown with this one, in order
+FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs of the same flight, in order
 SEAL = b"flighttune.file"
 
-# Errors at a file that is damaged or of another program.
+# Errors from a damaged file or from another program's file.
 UNREADABLE = (pa.ArrowException, OSError, LookupError, TypeError, ValueError, AttributeError)
 
-HASHED = 2**16  # rows that are brought into the order of the hash at once
+HASHED = 2**16  # number of rows that are reordered at once for the hash
 
-ORIGIN = "record"  # the property of a recording that says which runs it shows
+ORIGIN = "record"  # property of a recording with the runs that it shows
 
-# A run as its file holds it: a description (JSON: format, status, reason, provenance, name and unit
-# of each column), time in s and signals as the columns of an array, and the SHA-256 of both.
+# Content of a run's file: a description (JSON: format, status, reason, provenance, name and unit of
+# each column), time in s and signals as the columns of an array, and the SHA-256 of both.
 Parts: TypeAlias = tuple[str, FloatArray, str]
 
 
@@ -65,7 +65,7 @@ def parts_of(run: Run) -> Parts:
     """Parts of the file of a run; RecordingError if JSON cannot hold its scenario."""
     units, provenance = {**run.units, **SIGNAL_UNITS}, asdict(run.provenance)
     if (gains := run.provenance.gains) is not None and not gains.feeds_back:
-        del provenance["gains"]["feedback"]  # files of such flights are those of before it
+        del provenance["gains"]["feedback"]  # such files keep their earlier format
     description = {
         "format": FORMAT,
         "status": run.status,
@@ -80,7 +80,7 @@ def parts_of(run: Run) -> Parts:
 
 
 def _described(claim: RunClaim) -> dict[str, Any]:
-    """A claim as JSON holds it, its bounds as text of their bytes."""
+    """A claim as JSON, with its bounds as text of their bytes."""
     ends = b64encode(np.ascontiguousarray(claim.bounds.pairs, dtype="<f8").tobytes()).decode()
     described = {**pick(claim, "kind title sentence"), "units": dict(claim.units), "bounds": ends}
     if claim.no_claim:
@@ -89,7 +89,7 @@ def _described(claim: RunClaim) -> dict[str, Any]:
 
 
 def _claim_of(described: dict[str, Any], t: FloatArray) -> RunClaim:
-    """The claim that `_described` describes, about a flight with samples at `t` (s)."""
+    """The claim of a description by `_described`, for a flight with samples at `t` (s)."""
     names = tuple(described["units"])
     values = np.frombuffer(b64decode(described.pop("bounds"), validate=True), dtype="<f8")
     low, high = np.moveaxis(values.reshape(len(t), len(names), 2), -1, 0)
@@ -113,9 +113,9 @@ def signals_sha256(description: str, rows: FloatArray) -> str:
 
 
 def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
-    """The file of a run; `flight` has the SHA-256 of all runs that belong together."""
+    """The file of a run; `flight`: the SHA-256 of all runs of the flight."""
     description, rows, _ = parts
-    parquet.check_size(*rows.shape)  # what is written can be read
+    parquet.check_size(*rows.shape)  # the content must be readable again
     schema = pa.schema(
         [
             pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
@@ -125,7 +125,7 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
     )
     values = [pa.array(column) for column in np.ascontiguousarray(rows.T)]
     sink = pa.BufferOutputStream()
-    # Without a dictionary: signals hardly repeat a value.
+    # Without a dictionary, because signals hardly repeat values.
     pq.write_table(pa.table(values, schema=schema), sink, compression="zstd", use_dictionary=False)
     return seal(sink.getvalue().to_pybytes())
 
@@ -136,7 +136,7 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
     try:
         file = parquet.opened(data)
         stated = file.schema_arrow.metadata
-        # Column by column, so that it is in memory once
+        # column by column, so that only one copy is in memory
         rows = np.empty((file.metadata.num_rows, file.metadata.num_columns), order="F")
         for i in range(file.metadata.num_columns):
             rows[:, i] = file.reader.read_column(i).to_numpy()
@@ -151,7 +151,7 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
 
 
 def _run_of(description: str, rows: FloatArray) -> Run:
-    """The run that a description and rows are of, with signals equal to the bit."""
+    """The run of a description and rows, with signals equal to the bit."""
     entry = json.loads(description)
     if entry["format"] != FORMAT:
         got = f"{entry['format']} of another flighttune: fly again"
@@ -184,18 +184,18 @@ def _first_line(text: object) -> str:
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """Runs read back, and the parts of their folder that were not read.
+    """Runs read from files, and the unread parts of their folder.
 
     Attributes
     ----------
     path : Path
         The file or folder.
     runs : tuple of Run
-        In the order in which they were recorded. Signals are equal to the bit to those written.
+        In recorded order. Signals are equal to the written signals to the bit.
     missing : tuple of str
-        Runs of the flight whose files are not there, and files of other flights in the folder.
+        Runs of the flight without files, and files of other flights in the folder.
     lacks : str
-        A sentence about runs of the flight whose files are not there; empty if there are all.
+        A sentence about runs of the flight without files; empty if complete.
 
     Examples
     --------
@@ -210,7 +210,7 @@ class Recording:
     lacks: str = ""
 
     def __getitem__(self, label: str) -> Run:
-        """The run of that label, ``plant / gains``; the message of a KeyError lists the labels."""
+        """The run with this label, ``plant / gains``; a KeyError lists the labels."""
         for run in self.runs:
             if run.label == label:
                 return run
@@ -218,11 +218,11 @@ class Recording:
 
 
 def load_recording(path: str | Path) -> Recording:
-    """Read the runs of a folder or of a Parquet file, for a ``.rrd`` file of those beside it."""
+    """Read the runs of a folder, of a Parquet file, or of the files beside a ``.rrd`` file."""
     path = Path(path)
-    # If a folder has files of several flights, the newest complete flight counts. Files that were
-    # written on their own belong together. Files whose names begin with a dot are left over from a
-    # killed command and not read.
+    # If a folder has files of several flights, the newest complete flight counts. Separately
+    # written files belong together. Files whose names begin with a dot are remains of a killed
+    # command and are not read.
     if path.is_dir():
         return _in_folder(path)
     kind = PARQUET_FILE if path.suffix.lower() == PARQUET else RECORDING_FILE
@@ -233,7 +233,7 @@ def load_recording(path: str | Path) -> Recording:
 
 
 def recording_in(folder: Path) -> Path | None:
-    """The recording (.rrd) in a run folder, if there is one; several are an error."""
+    """The recording (.rrd) in a run folder, if any; several are an error."""
     recordings = _files(folder, RECORDING)
     if len(recordings) > 1:
         names = ", ".join(path.name for path in recordings)
@@ -242,12 +242,12 @@ def recording_in(folder: Path) -> Path | None:
 
 
 def _files(folder: Path, ending: str) -> list[Path]:
-    # A name with a dot in front is that of a file which was not finished.
+    # A name with a leading dot belongs to an unfinished file.
     return sorted(folder.glob(f"[!.]*{ending}"))
 
 
 def _by_flight(files: Iterable[Path]) -> dict[tuple[str, ...], dict[str, tuple[Path, Run]]]:
-    """Files and their runs by the SHA-256 of the run, for each flight among them."""
+    """For each flight: files and their runs by the SHA-256 of the run."""
     flights: dict[tuple[str, ...], dict[str, tuple[Path, Run]]] = {}
     for file in files:
         run, sha256, flight = _read(file)
@@ -275,7 +275,7 @@ def _in_folder(folder: Path) -> Recording:
 
 
 def _drawn_in(path: Path) -> Recording:
-    """The runs that a ``.rrd`` file was drawn from, if their Parquet files are beside it."""
+    """The runs shown in a ``.rrd`` file, if their Parquet files are beside it."""
     check_recording(path)
     if (origin := _origin(path)) is None:
         raise RecordingError(
@@ -293,7 +293,7 @@ def _drawn_in(path: Path) -> Recording:
 
 
 def files_shown(recording: Path) -> list[Path]:
-    """The Parquet files beside a recording (.rrd) that it was drawn from; none if it is damaged."""
+    """The Parquet files behind a recording (.rrd), beside it; empty if the recording is damaged."""
     shown = []
     with suppress(RecordingError):
         check_recording(recording)
@@ -306,24 +306,24 @@ def files_shown(recording: Path) -> list[Path]:
 
 
 def check_recording(path: str | Path) -> None:
-    """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
+    """Refuse a file that is not a Rerun recording; the viewer reports faults inside a recording."""
     if not file_bytes(Path(path), RECORDING_FILE, len(RERUN)).startswith(RERUN):
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
 
 
 def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
-    """Folder and SHA-256 of the runs in a recording; None if they were not recorded with it."""
+    """Folder and SHA-256 of the runs in a recording; None if it lacks them."""
     from rerun.chunk import RrdReader
 
     try:
-        with warnings.catch_warnings(action="ignore"):  # the error that follows says why
+        with warnings.catch_warnings(action="ignore"):  # the next error tells the reason
             reader = RrdReader(path)
         store = reader.store(store=reader.recordings()[0])
         for chunk in store.stream().filter(content=f"/__properties/{ORIGIN}").to_chunks():
             stated = chunk.to_record_batch()
             (folder,), sha256 = (stated.column(key)[0].as_py() for key in ("folder", "sha256"))
             return folder, tuple(sha256)
-    except Exception as error:  # Rerun and Arrow raise a dozen kinds on a damaged file
+    except Exception as error:  # Rerun and Arrow raise a dozen kinds of errors on a damaged file
         got = _first_line(error)
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got: {got}.") from error
     return None

@@ -1,4 +1,4 @@
-"""Fly recorded runs again from their provenance, and look for the first difference."""
+"""Repeat recorded runs from their provenance, and find the first difference."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,10 +22,10 @@ EQUAL = "equal to the bit"
 
 
 class Difference(NamedTuple):
-    """Where a run that was flown again first differs."""
+    """The first difference of a repeated run."""
 
-    # A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
-    # ``signals`` (their names); a column of a campaign's rows
+    # A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or ``signals``
+    # (their names), or a column of a campaign's rows
     what: str
     t: float | None  # s: Time of the difference in a signal
     # Both values, SI and rad
@@ -45,12 +45,12 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CheckedRun:
-    """A run that was flown again."""
+    """A repeated run."""
 
-    name: str  # label in a recording, else the number too
-    status: str  # as recorded
-    differences: tuple[Difference, ...]  # the first of a recording, all of a row
-    drawn: Mapping[str, Any] = field(default_factory=dict)  # what its campaign drew
+    name: str  # label in a recording; else also the number
+    status: str  # recorded status
+    differences: tuple[Difference, ...]  # the first difference of a recording, or all of a row
+    drawn: Mapping[str, Any] = field(default_factory=dict)  # drawn values of its campaign
 
     @property
     def record(self) -> dict[str, Any]:
@@ -69,7 +69,7 @@ class CheckedRun:
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reflown(Answering):
-    """Runs that were flown again, and whether they are equal to the bit.
+    """Repeated runs, and whether they are equal to the bit.
 
     Attributes
     ----------
@@ -77,11 +77,11 @@ class Reflown(Answering):
         Name of the recording, campaign or band.
     runs : tuple of CheckedRun
     versions : mapping of str to (str, str)
-        Libraries whose version is not the recorded one: then and now.
+        Libraries with another version than recorded: then and now.
     missing : tuple of str
-        Runs that were recorded and cannot be read.
+        Recorded runs that cannot be read.
     flown : FlownScenario or None
-        The flight of the run that was asked for by its number.
+        The flight of the run that was requested by number.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class Reflown(Answering):
 
     @property
     def equal(self) -> bool:
-        """Whether no run differs by a bit."""
+        """Whether no run differs in any bit."""
         return not any(run.differences for run in self.runs)
 
 
@@ -109,7 +109,7 @@ def reflights(
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
 ) -> tuple[CheckedRun, ...]:
-    """Fly runs of one scenario again, as it and the seed in their provenance say, and compare."""
+    """Repeat runs of one scenario from the scenario and seed in their provenance, and compare."""
     scenarios = [dict(run.provenance.scenario) for run in runs]
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
@@ -133,14 +133,14 @@ def reflights(
 
 
 def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Libraries whose version is not that of `then`: the version then, and now."""
+    """Libraries whose version differs from `then`: the version then and now."""
     now = library_versions()
     pairs = {name: (version, now.get(name, "none")) for name, version in then.items()}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
-    """Differences to the bit: of gains, then of signals in time, then of the outcome."""
+    """Differences to the bit: gains, then signals in order of time, then the outcome."""
     yield from _in_gains(recorded.provenance.gains, reflown.provenance.gains)
     yield from _in_signals(recorded, reflown)
     for what, then, now in (
@@ -168,7 +168,7 @@ def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Dif
 def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
     if not (n := min(len(recorded.signals), len(reflown.signals))):
         return
-    # A monitor adds its score to a flight, which is not flown again.
+    # A monitor adds its score to a flight, which is not repeated.
     columns = [[str(x) for x in run.signals if x != SCORE] for run in (recorded, reflown)]
     if columns[0] != columns[1]:
         odd = [", ".join(sorted(set(a) - set(b))) or "others" for a, b in (columns, columns[::-1])]

@@ -1,1 +1,1 @@
-"""TOML to a validated scenario: keys and what holds between them."""
+"""TOML to a validated scenario: keys and the rules between them."""

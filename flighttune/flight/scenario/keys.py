@@ -29,13 +29,13 @@ from flighttune.vehicles.weather_keys import (
 
 
 class ScenarioKeys(Table):
-    """The keys of a scenario, and what follows from them alone."""
+    """The keys of a scenario, and values that follow from keys alone."""
 
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""  # for the reader
     source: str = ""  # for the reader
-    seed: Seed = 0  # of turbulence, sensor noise and tuning
-    # What turns errors into commands: a name, a list of names or tables; the paper's if left out
+    seed: Seed = 0  # seed of turbulence, sensor noise and tuning
+    # The laws: a name, or a list of names or tables; the paper's law if left out
     law: Laws | None = None
     # names (paper, K1 to K6, tuned, tuned_identified, tuned_fed_back), files beside the scenario,
     # or tables
@@ -43,38 +43,38 @@ class ScenarioKeys(Table):
     flight: FlightTable
     reference: ReferenceTable | None = None
     route: RouteTable | None = None
-    # Written by `flighttune mission --turn-back` in place of a route and a reference
+    # Written by `flighttune mission --turn-back` instead of a route or a reference
     turn_back: TurnBackTable | None = None
-    limits: LimitsTable = LimitsTable()  # of the commands
+    limits: LimitsTable = LimitsTable()  # limits of the commands
     controller: ControllerTable = ControllerTable()
     tuning: TuningTable = TuningTable()
-    disturbance: DisturbanceTable | None = None  # the paper's, on the kinematic law
+    disturbance: DisturbanceTable | None = None  # the paper's disturbance, on the kinematic law
     wind: WindTable | None = None
     gust: GustTable | None = None
     turbulence: TurbulenceTable | None = None
     sensors: SensorsTable | None = None
-    # What the autopilot knows of its motion; exactly what is, if left out
+    # What the autopilot knows of its motion; by default it knows its motion exactly
     navigation: NavigationTable | None = None
-    # Conditions over which `certify --envelope` looks for one proof
+    # Ranges of flight over which `certify --envelope` seeks one proof
     envelope: EnvelopeTable | None = None
-    expect: list[ExpectTable] = Field(default_factory=list)  # what the runs must achieve
-    # Sentences on what its identified models assume; written by the program
+    expect: list[ExpectTable] = Field(default_factory=list)  # requirements for the runs
+    # Assumptions of its identified models, as sentences; written by the program
     assumed: list[str] | None = None
     plant: Annotated[list[PlantTable], Field(min_length=1)]
 
     @property
     def law_tables(self) -> tuple[LawTable, ...]:
-        """The tables of the laws flown, in order; the paper's by default."""
+        """The tables of the flown laws, in order; by default the paper's law."""
         return tuple(self.law or (law_named(DEFAULT),))
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """The laws flown, in order; the paper's by default."""
+        """The flown laws, in order; by default the paper's law."""
         return tuple(table.law for table in self.law_tables)
 
     @property
     def gain_names(self) -> tuple[str, ...]:
-        """Names of the gain sets flown, law by law: as listed with the paper's, else LAW:GAINS."""
+        """Names of the flown gain sets, law by law; LAW:GAINS unless the law is the paper's."""
         listed = tuple(entry if isinstance(entry, str) else entry.name for entry in self.gains)
         return tuple(name for law in self.laws for name in law.names_of(listed))
 
@@ -85,7 +85,7 @@ class ScenarioKeys(Table):
 
     @property
     def identified_name(self) -> str:
-        """The aircraft or file that [tuning] names for its model, else that of the first plant."""
+        """The aircraft or file that [tuning] names for its model, else the first plant's."""
         if self.tuning.identified is not None:
             return self.tuning.identified
         identified = (*self.aircraft, *(plant for plant in self.plant if plant.identified))
@@ -102,7 +102,7 @@ class ScenarioKeys(Table):
 
     @property
     def airspeed(self) -> bool:
-        """Whether the airspeed is a third channel, which laws hold by n_x."""
+        """Whether the airspeed is a third channel, held by n_x."""
         if self.route is not None:
             return bool(self.route.holds_airspeed)
         return self.reference is not None and self.reference.V_mps is not None

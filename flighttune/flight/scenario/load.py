@@ -1,6 +1,6 @@
-"""Files to values, and what is wrong with them in one line that names file and key.
+"""Files to values; faults are reported in one line that names file and key.
 
-Keys are dotted paths: the places that they mean are found and set here.
+Keys are dotted paths; this module finds and sets their places.
 """
 
 import json
@@ -42,7 +42,7 @@ from flighttune.vehicles.plant_keys import PlantTable
 # Names of tables and positions in arrays from the top of a scenario to a value
 Place: TypeAlias = tuple[str | int, ...]
 
-# Characters of a key, which has a few names
+# Maximum length of a key, characters
 MAX_KEY = 255
 
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
@@ -50,7 +50,7 @@ PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
-    """Every place of a scenario that a dotted key means."""
+    """Every place of a scenario for a dotted key."""
     if len(key) > MAX_KEY or not PATH.fullmatch(key):
         raise InputError(
             "must be names joined by dots, each with [position] or [name] after it, and have at "
@@ -58,8 +58,8 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
         )
     # a position in brackets is a step of its own, `[0]`
     steps = tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
-    # Without a position, ``plant`` is every plant that can have this `value` there;
-    # ``plant[LABEL]`` is the plant of that label.
+    # Without a position, ``plant`` means every plant that can have this `value`; ``plant[LABEL]``
+    # means the plant with this label.
     if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
         return _of_plants(steps[1:], tables["plant"], value)
     return (_walked(steps, tables),)
@@ -77,7 +77,7 @@ def value_at(tables: Any, place: Iterable[str | int]) -> Any:
 
 
 def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
-    """A copy of `tables` with values put in; tables off the way to a value are shared with it."""
+    """A copy of `tables` with values set; the copy shares unchanged tables."""
     changed = dict(tables)
     for place, value in values:
         changed = _with_value(changed, place, value)
@@ -110,7 +110,7 @@ def with_changes(
 
 
 def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; a list is a value."""
+    """Dotted keys and values of nested tables; a list counts as a value."""
     for name, value in tables.items():
         if isinstance(value, Mapping):
             yield from leaves(value, f"{above}{name}.")
@@ -144,7 +144,7 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
 
 
 def _label(plant: Any) -> str:
-    """The label of a plant's table; none as long as a value in it is wrong."""
+    """The label of a plant's table; None while a value in it is wrong."""
     try:
         return PlantTable.model_validate(plant).label
     except ValidationError:
@@ -178,7 +178,7 @@ def spelled(place: Iterable[str | int]) -> str:
     return "".join(words).removeprefix(".")
 
 
-# Largest difference of the height that a scenario states for its start from that of a file, m.
+# Tolerance between the start's height in a scenario and in a file, m.
 SAME_HEIGHT = 1.0
 
 # Endings of files of gains.
@@ -186,7 +186,7 @@ GAINS_FILES = (".json", ".toml")
 
 
 def title_with(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> Any:
-    """The title of a scenario or campaign with the values set in it."""
+    """The title of a scenario or campaign, with its changed values."""
     values = [
         f"{key} = {json.dumps(value, default=str)}"
         for key, value in leaves(changes)
@@ -197,7 +197,7 @@ def title_with(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> Any:
 
 
 def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
-    """A scenario and values set in it as the arguments of a command."""
+    """A scenario and its changed values as arguments of a command."""
     words = (("--set", f"{key}={json.dumps(value)}") for key, value in leaves(changes or {}))
     return shlex.join([str(source), *chain(*words)])
 
@@ -205,7 +205,7 @@ def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
 def with_gains(
     scenario: Scenario, names: Sequence[str], source: str, tables: Sequence[GainsTable] = ()
 ) -> Scenario:
-    """The scenario with these gain sets in place of its own, and the requirements about them."""
+    """The scenario with these gain sets instead of its own, and the requirements for them."""
     listed = [entry for entry in scenario.gains if isinstance(entry, GainsTable)]
     by_name = {entry.name: entry for entry in (*listed, *tables)}
     laws: dict[str, LawTable] = {}
@@ -241,7 +241,7 @@ def with_gains(
 
 
 def gains_table(path: Path) -> GainsTable:
-    """The gain set in a file, called by the name of the file without its ending."""
+    """The gain set in a file, named like the file without its ending."""
     tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
     keys = ("K_P", "K_I", "law", "feedback", "tuned_for")
     kept = {key: tables[key] for key in keys if key in tables}
@@ -250,7 +250,7 @@ def gains_table(path: Path) -> GainsTable:
 
 
 def gain_entries(entries: Any, folder: Path) -> Any:
-    """The list ``gains`` of a file in `folder`, with gain sets in place of files of them."""
+    """The list ``gains`` of a file in `folder`, with files of gains replaced by their gain sets."""
     if not isinstance(entries, list):
         return entries
     return [
@@ -262,19 +262,19 @@ def gain_entries(entries: Any, folder: Path) -> Any:
 
 
 def _name_beside(table: dict[str, Any], key: str, folder: Path) -> None:
-    """Put the path of an aircraft or model file that lies in `folder` in the place of its name."""
+    """Replace the name of an aircraft or model file in `folder` by its path."""
     name = table.get(key)
     if not isinstance(name, str):
         return
     beside = folder / name
     model = name.endswith(".json") and os.path.isfile(beside)
     if model or os.path.isfile(beside / "aircraft.toml"):
-        # A path without a separator is the name of an aircraft.
+        # A path without a separator means the name of an aircraft.
         table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
 
 
 def with_code(tables: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Tables of a file whose laws and plants name the Python files beside it, with their hash."""
+    """Tables with the paths and hashes of the Python files beside the file."""
     for key in ("law", "plant"):
         for table in _listed(tables, key):
             if isinstance(module := table.get("module"), str):
@@ -285,13 +285,13 @@ def with_code(tables: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _listed(tables: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    """The tables of a list; without what is no table, which is refused later."""
+    """The tables of a list; other values are refused later."""
     entries = tables.get(key)
     return [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
 
 
 def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Tables whose modules and aircraft are those beside the scenario; modules have their hash."""
+    """Tables with modules and aircraft resolved beside the scenario; modules have their hash."""
     folder = path.parent
     with_code(tables, path)
     for table in _listed(tables, "plant"):
@@ -308,7 +308,7 @@ def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) -> None:
-    """Replace the file of a route, beside the scenario, by its waypoints, and add its heights."""
+    """Replace a route's file, beside the scenario, by its waypoints, and add its heights."""
     kept = {key: value for key, value in route.items() if key not in ("file", "skip")}
     file, skip = route["file"], route.get("skip", False)
     if "waypoint" in route or not isinstance(file, str) or not isinstance(skip, bool):
@@ -327,7 +327,7 @@ def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) ->
 
 
 def as_recorded(tables: Any) -> Any:
-    """Tables of a recorded scenario, with the start in wind of versions that had no key for it."""
+    """Tables of a recorded scenario; an older version's start in wind gets its key."""
     flight = tables.get("flight") if isinstance(tables, Mapping) else None
     if not isinstance(flight, Mapping):
         return tables
@@ -353,14 +353,14 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
 
 
 def scenario_of(run: Run) -> Scenario:
-    """The scenario that a run was flown in, which takes a quarter of a millisecond."""
+    """The scenario of a run, which takes a quarter of a millisecond."""
     return scenario_from(dict(run.provenance.scenario))
 
 
 def from_level(scenario: Scenario) -> Scenario:
-    """A flight that turns back, begun in level flight; laws and plants keep their classes."""
+    """A flight that turns back, with a level start; laws and plants keep their classes."""
     turns, tables = scenario.turn_back, scenario.as_dict()
-    assert turns is not None  # what does not turn back begins as it is stated
+    assert turns is not None  # other flights begin as stated
     wind = (0.0, 0.0)
     if scenario.wind is not None:
         wind = scenario.wind.profile().at(turns.here[5])[:2]
@@ -370,7 +370,7 @@ def from_level(scenario: Scenario) -> Scenario:
 
 
 def gains_notes(runs: Iterable[Run]) -> list[str]:
-    """`Scenario.gains_notes` of the gains that runs flew, each once."""
+    """`Scenario.gains_notes` for the flown gains of runs, each once."""
     notes: dict[str, None] = {}
     for run in runs:
         made_by = run.provenance
@@ -388,8 +388,8 @@ def load_gains(path: str | Path) -> PIGains:
     ----------
     path : path-like
         A file with ``K_P`` and ``K_I``, each two rows (phi, n_z) of two numbers (chi, gamma), and
-        ``law = "exact"`` where the rows are rates, maybe with its ``feedback``;
-        other keys (as `tune --json` writes them) are passed over.
+        ``law = "exact"`` if the rows are rates, perhaps with ``feedback``; other keys (as in the
+        output of `tune --json`) are ignored.
 
     Returns
     -------
@@ -399,7 +399,7 @@ def load_gains(path: str | Path) -> PIGains:
     Raises
     ------
     ScenarioError
-        If the file cannot be read or does not hold such gains.
+        If the file cannot be read or does not have such gains.
 
     Examples
     --------
@@ -415,7 +415,7 @@ def load_gains(path: str | Path) -> PIGains:
 def existing_file(
     path: str | Path, kind: str, shipped: Mapping[str, Path], folders: Sequence[str]
 ) -> Path:
-    """A file, or the shipped one of that name, maybe with its ending and one of its `folders`."""
+    """A file, or a shipped file by its name, perhaps with ending and one of its `folders`."""
     file = Path(path)
     if file.is_file():
         if file.suffix.lower() not in ("", ".toml"):

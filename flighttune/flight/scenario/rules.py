@@ -1,4 +1,4 @@
-"""What must hold between the tables of a scenario, and the line that refuses it."""
+"""Rules between the tables of a scenario, and the messages that refuse it."""
 
 from collections.abc import Callable, Iterator
 from itertools import product
@@ -13,18 +13,18 @@ from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIE
 from flighttune.flight.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.flight.scenario.keys import ScenarioKeys
 
-# Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
+# Maximum samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
 
 # deg, and share of a duration.
 ROUNDING = 1e-9
 
-# A rule between tables of a scenario: it says in a line each what does not hold.
+# A rule between tables of a scenario: it returns one line for each violation.
 Rule: TypeAlias = Callable[[ScenarioKeys], Iterator[str]]
 
 
 def needs(key: str, why: str, when: Callable[[ScenarioKeys], object]) -> Rule:
-    """A key that must be given in some scenarios; ``table.key`` is one of a table."""
+    """A key that some scenarios require; ``table.key`` names a key of a table."""
 
     def rule(scenario: ScenarioKeys) -> Iterator[str]:
         if not when(scenario):
@@ -37,7 +37,7 @@ def needs(key: str, why: str, when: Callable[[ScenarioKeys], object]) -> Rule:
 
 
 def excludes(key: str, why: str, when: Callable[[ScenarioKeys], object]) -> Rule:
-    """A key that must be left out in some scenarios; ``table.key`` is one of a table."""
+    """A key that some scenarios exclude; ``table.key`` names a key of a table."""
 
     def rule(scenario: ScenarioKeys) -> Iterator[str]:
         if not when(scenario):
@@ -50,7 +50,7 @@ def excludes(key: str, why: str, when: Callable[[ScenarioKeys], object]) -> Rule
 
 
 def _named(scenario: ScenarioKeys, key: str) -> tuple[Table, str, str]:
-    """The table of a key, the key in it, and how a message names it."""
+    """The table of a key, the key in it, and its name in a message."""
     table, _, name = key.rpartition(".")
     if not table:
         return scenario, name, f"`{name}`"
@@ -58,7 +58,7 @@ def _named(scenario: ScenarioKeys, key: str) -> tuple[Table, str, str]:
 
 
 def gains_are_known(scenario: ScenarioKeys) -> Iterator[str]:
-    """Gains without numbers are those of the paper, or tuned."""
+    """Gains without numbers must be the paper's or tuned."""
     available = [TUNED, *paper_family(), TUNED_IDENTIFIED, TUNED_FED_BACK]
     for entry in scenario.gains:
         if isinstance(entry, str) and entry not in available:
@@ -70,7 +70,7 @@ def gains_are_known(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def input_limits_are_those_of_commands(scenario: ScenarioKeys) -> Iterator[str]:
-    """The first command can be limited where gains act on it."""
+    """The first command can be limited only if gains act on it."""
     for law in scenario.laws:
         if scenario.tuning.input_limits and law.inputs != COMMANDS:
             yield (
@@ -80,7 +80,7 @@ def input_limits_are_those_of_commands(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def an_identified_model_is_named(scenario: ScenarioKeys) -> Iterator[str]:
-    """Gains that are tuned on one need an identified model."""
+    """Gains tuned on an identified model need the model."""
     on_identified = TUNED_IDENTIFIED in scenario.gains or TUNED_FED_BACK in scenario.gains
     if on_identified or scenario.tuning.model == "identified":
         try:
@@ -95,7 +95,7 @@ def _labels(scenario: ScenarioKeys) -> dict[str, list[str]]:
 
 
 def names_differ(scenario: ScenarioKeys) -> Iterator[str]:
-    """Laws, gains and plants are told apart by their names."""
+    """Laws, gains and plants need distinct names."""
     for key, labels in _labels(scenario).items():
         if len(set(labels)) < len(labels):
             hint = "; a `name` of its own distinguishes a plant" if key == "plant" else ""
@@ -103,7 +103,7 @@ def names_differ(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def requirements_are_of_its_runs(scenario: ScenarioKeys) -> Iterator[str]:
-    """Gains and plants of a requirement are some of the scenario."""
+    """Gains and plants of a requirement must belong to the scenario."""
     labels_of = _labels(scenario)
     labels_of["plant"] += [plant.kind for plant in scenario.plant]
     for table, key in product(scenario.expect, ("gains", "plant")):
@@ -113,7 +113,7 @@ def requirements_are_of_its_runs(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def a_law_without_a_model_has_no_E_star(scenario: ScenarioKeys) -> Iterator[str]:
-    """The largest error of a disturbance is that of a linear loop."""
+    """The largest error under a disturbance needs a linear loop."""
     law, E_star = scenario.laws[0], scenario.tuning.E_star
     if E_star is not None and not law.by_gains:
         yield (
@@ -123,13 +123,13 @@ def a_law_without_a_model_has_no_E_star(scenario: ScenarioKeys) -> Iterator[str]
 
 
 def something_is_followed(scenario: ScenarioKeys) -> Iterator[str]:
-    """A reference over time, or a route."""
+    """A scenario needs a reference over time or a route."""
     if (scenario.reference is None) == (scenario.route is None):
         yield "`reference` or `route` must be given, and not both"
 
 
 def measures_are_those_of_what_is_followed(scenario: ScenarioKeys) -> Iterator[str]:
-    """Distances are measured along a route, and settling times elsewhere."""
+    """Distances need a route, and settling times need a reference over time."""
     tables = [table.model_dump() for table in scenario.expect]
     for channel, names in required_names(tables).items():
         if scenario.route is None and channel in OFF_ROUTE:
@@ -143,7 +143,7 @@ def measures_are_those_of_what_is_followed(scenario: ScenarioKeys) -> Iterator[s
 
 
 def samples_can_be_flown(scenario: ScenarioKeys) -> Iterator[str]:
-    """Two samples at least, and no more than memory holds."""
+    """A flight needs at least two samples, and not more than fit into memory."""
     duration, rate = scenario.flight.duration_s, scenario.controller.rate_hz
     if not 2.0 <= duration * rate <= MAX_SAMPLES:
         yield (
@@ -153,7 +153,7 @@ def samples_can_be_flown(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def all_begins_in_the_flight(scenario: ScenarioKeys) -> Iterator[str]:
-    """What begins after the end of the flight is a mistake."""
+    """An event after the end of the flight is a mistake."""
     duration, reference = scenario.flight.duration_s, scenario.reference
     segments = reference.segments if reference else []
     times = [(f"[reference.{key}] `start_s`", segment.start_s) for key, segment in segments]
@@ -170,7 +170,7 @@ def all_begins_in_the_flight(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def paths_are_not_vertical(scenario: ScenarioKeys) -> Iterator[str]:
-    """There is no course straight up."""
+    """A vertical path has no course."""
     t, gamma_deg = 0.0, scenario.flight.gamma_deg
     if scenario.reference is not None:
         t, gamma_deg = scenario.reference.steepest(scenario.flight)
@@ -182,7 +182,7 @@ def paths_are_not_vertical(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def a_disturbance_through_the_air_is_alone(scenario: ScenarioKeys) -> Iterator[str]:
-    """Plants that are no aircraft meet other wind over ground."""
+    """A disturbance through the air excludes other wind, which point masses meet over ground."""
     disturbance = scenario.disturbance
     if disturbance and disturbance.path == "air" and scenario.windy:
         yield (
@@ -192,7 +192,7 @@ def a_disturbance_through_the_air_is_alone(scenario: ScenarioKeys) -> Iterator[s
 
 
 def a_disturbance_is_a_wind_that_blows(scenario: ScenarioKeys) -> Iterator[str]:
-    """An oscillation that is flown as wind is not faster than any wind."""
+    """An oscillation flown as wind must be a realistic wind."""
     disturbance = scenario.disturbance
     if disturbance is None or not disturbance.as_wind:
         return
@@ -208,20 +208,20 @@ def a_disturbance_is_a_wind_that_blows(scenario: ScenarioKeys) -> Iterator[str]:
 
 
 def an_airspeed_is_bounded_where_followed(scenario: ScenarioKeys) -> Iterator[str]:
-    """Errors of an airspeed are those from its reference."""
+    """A bound on airspeed errors needs an airspeed reference."""
     required = any("V" in {**table.at_most, **table.at_least} for table in scenario.expect)
     if required and not scenario.airspeed:
         yield "`V` of [[expect]] must be absent without `V_mps` of [reference]"
 
 
 def no_cost_of_an_airspeed(scenario: ScenarioKeys) -> Iterator[str]:
-    """The weights of the cost are those of two channels."""
+    """The quadratic cost has weights for only two channels."""
     if scenario.airspeed and scenario.tuning.objective == "cost":
         yield "`objective` of [tuning] must not be cost where the airspeed is followed"
 
 
 def an_airspeed_is_followed_within_limits(scenario: ScenarioKeys) -> Iterator[str]:
-    """Every plant has limits of n_x where the law commands it."""
+    """Every plant needs limits of n_x if the law commands it."""
     for plant in scenario.plant if scenario.airspeed else ():
         limits_n_x = scenario.limits.n_x if plant.aircraft is None else plant.config.limits.n_x
         where = "[limits]" if plant.aircraft is None else f"[limits] of {plant.aircraft}"
@@ -232,7 +232,7 @@ def an_airspeed_is_followed_within_limits(scenario: ScenarioKeys) -> Iterator[st
             )
 
 
-# In this order; a scenario is refused by the first that it does not keep.
+# In this order; the first violated rule refuses a scenario.
 RULES: tuple[Rule, ...] = (
     gains_are_known,
     input_limits_are_those_of_commands,

@@ -26,7 +26,7 @@ from flighttune.vehicles.identification.file import IdentifiedAircraft, load_ide
 from flighttune.vehicles.plant_keys import PlantTable, flown_aircraft
 from flighttune.vehicles.plants.sensors import Sensors
 
-# Most airspeeds along a route that are named one by one.
+# Maximum number of airspeeds along a route to list one by one.
 MAX_SPEEDS = 4
 
 
@@ -68,9 +68,9 @@ class Scenario(ScenarioKeys):
         return tuple(notes)
 
     def gains_notes(self, plant: str | None = None, gains: str | None = None) -> tuple[str, ...]:
-        """A sentence for gains that were tuned for others than they fly here, and `assumptions`.
+        """A sentence for gains flown on another aircraft or airspeed, and `assumptions`.
 
-        They are those of one `plant` and one of `gain_names`, by default of all.
+        For one `plant` and one of `gain_names`, by default all.
         """
         sets = (entry for entry in self.gains if isinstance(entry, GainsTable))
         flown = [x for x in sets if gains is None or self.listed_as(gains) == x.name]
@@ -88,11 +88,11 @@ class Scenario(ScenarioKeys):
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What its identified models and gains assume, a sentence each."""
+        """Assumptions of its identified models and gains, one sentence each."""
         sentences = [*(self.assumed or ())]
         named = [self] if self.tuning.identified else []
         for table in (*named, *(x for x in self.plant if x.identified or x.aircraft)):
-            with suppress(FlightTuneError):  # elsewhere the file may be missing, or never was
+            with suppress(FlightTuneError):  # on another machine the file may be missing
                 sentences += table.identified_model.assumptions
         for entry in self.gains:
             if isinstance(entry, GainsTable) and entry.tuned_for:
@@ -100,20 +100,20 @@ class Scenario(ScenarioKeys):
         return tuple(dict.fromkeys(sentences))
 
     def assuming(self) -> "Scenario":
-        """The scenario with its assumptions written in, so that they stay where it is recorded."""
+        """The scenario with its assumptions written in, so that recordings keep them."""
         if (found := [*self.assumptions]) == (self.assumed or []):
             return self
         return self.model_copy(update={"assumed": found})
 
     @property
     def code(self) -> tuple[str, ...]:
-        """Python files of its laws and plants, which run when it is flown."""
+        """Python files of its laws and plants, which run in its flights."""
         return tuple(dict.fromkeys(table.module or "" for _, table in self.of_files()))
 
     def of_files(
         self, flown: Collection[str] | None = None
     ) -> tuple[tuple[str, LawTable | PlantTable], ...]:
-        """Laws and plants in Python files, by key; of those `flown`, by name, or of all."""
+        """Laws and plants in Python files, by key; only those `flown`, by name, or all."""
         listed = (*(("law", x) for x in self.law_tables), *(("plant", x) for x in self.plant))
         own = ((key, x) for key, x in listed if x.module)
         return tuple((key, x) for key, x in own if flown is None or x.name in flown)
@@ -130,21 +130,21 @@ class Scenario(ScenarioKeys):
         return listed.get(law) or law_named(law)
 
     def listed_as(self, name: str) -> str:
-        """A gain set of `gain_names` as ``gains`` lists it, without the law."""
+        """A gain set of `gain_names` without the law, as in ``gains``."""
         return self._split(name)[1]
 
     def _split(self, name: str) -> tuple[str, str]:
         return split_name(name, [table.name for table in self.law_tables])
 
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
-        """The law that flies a gain set of `gain_names`, and the gain set as ``gains`` lists it."""
+        """The law that flies a gain set of `gain_names`, and the gain set's name in ``gains``."""
         law = self.law_table(name).law
         if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
             law = self.law_for(gains)
         return law, self.listed_as(name)
 
     def law_for(self, gains: PIGains) -> Law:
-        """The first law of the scenario that takes gains as they are, else the one they are of."""
+        """The first law of the scenario that accepts gains unchanged, else their own law."""
         fitting = (law for law in self.laws if law.by_gains and law.inputs == gains.inputs[:2])
         return next(fitting, None) or made_law(gains.law)
 
@@ -156,7 +156,7 @@ class Scenario(ScenarioKeys):
         return plants[label]
 
     def sensors_on(self, label: str) -> Sensors | None:
-        """Errors of the sensors on a plant, with one that fails in flight; None if exact."""
+        """Errors of the sensors on a plant, including a failure in flight; None if exact."""
         sensors = self.sensors and self.sensors.sensors(self.seed)
         airframe = next((table.airframe for table in self.plant if table.label == label), None)
         fault = airframe and airframe.fault
@@ -166,23 +166,23 @@ class Scenario(ScenarioKeys):
 
     @property
     def calm(self) -> bool:
-        """Whether neither air nor errors of what is seen move a command all the time."""
+        """Whether commands are undisturbed by air and errors of sensors."""
         seen = self.sensors or self.navigation
         return not (self.turbulence or self.gust or seen or self.disturbance)
 
     @cached_property
     def identified_model(self) -> IdentifiedAircraft:
-        """The identified model that gains are tuned on, read once."""
+        """The identified model for tuning, read once."""
         return load_identified(self.identified_name)
 
     @property
     def wind_source(self) -> PlantTable | None:
-        """The plant whose wind those replay that have no weather: the first aircraft in wind."""
+        """The plant whose wind plants without weather replay: the first aircraft in wind."""
         return self.aircraft[0] if self.windy and self.aircraft else None
 
     @property
     def air(self) -> str:
-        """The air flown in, in words."""
+        """The air of the flight, in words."""
         air = {
             "wind": self.wind,
             "an oscillating wind": self.swinging,
@@ -195,7 +195,7 @@ class Scenario(ScenarioKeys):
 
     @property
     def rolls_in(self) -> bool:
-        """Whether a ramp of its reference rolls in: roll and lift are planned for it."""
+        """Whether a ramp of its reference rolls in, so that roll and lift are planned."""
         return self.reference is not None and bool(self.reference.ramps_in)
 
     @property
@@ -205,11 +205,11 @@ class Scenario(ScenarioKeys):
 
     @property
     def airspeeds(self) -> tuple[float, ...]:
-        """Airspeeds that are asked for, m/s, that of the start first."""
+        """Commanded airspeeds, m/s, beginning with the start."""
         start, route = self.flight.V_a_mps, self.route
         if self.turn_back is not None:
             return (start, *(place.V_a_mps for place in self.turn_back.place))
-        if route is not None:  # no flight goes on after the last waypoint
+        if route is not None:  # no flight continues after the last waypoint
             return (start, *(V for i, V in route.airspeeds.items() if i < len(route.waypoint)))
         if self.reference is None or not self.airspeed:
             return (start,)
@@ -217,7 +217,7 @@ class Scenario(ScenarioKeys):
 
     @property
     def airspeed_words(self) -> str:
-        """Airspeeds that are asked for: ``25 m/s``, ``20, 27 and 23 m/s``, ``25 to 30 m/s``."""
+        """Commanded airspeeds in words: ``25 m/s``, ``20, 27 and 23 m/s``, ``25 to 30 m/s``."""
         speeds = list(dict.fromkeys(f"{V:.6g}" for V in self.airspeeds))
         if self.route is None or len(speeds) > MAX_SPEEDS:
             ends = min(self.airspeeds), max(self.airspeeds)
@@ -226,7 +226,7 @@ class Scenario(ScenarioKeys):
 
     @property
     def assumed_words(self) -> str:
-        """That the airspeed, or that of the start, is assumed; empty if it is stated."""
+        """Words for an assumed airspeed, or start airspeed; empty if it is stated."""
         if self.route is None or not self.route.airspeed_assumed:
             return ""
         changes = len({*self.airspeeds}) > 1
@@ -234,8 +234,8 @@ class Scenario(ScenarioKeys):
 
     @cached_property
     def stated_reference(self) -> Reference:
-        """The reference that its table states, in SI; `reference_of` has that of any scenario."""
-        assert self.reference is not None  # else there is a route
+        """The reference from its table, in SI; `reference_of` works for any scenario."""
+        assert self.reference is not None  # a scenario without it has a route
         return self.reference.reference(self.flight)
 
     @property
@@ -248,7 +248,7 @@ class Scenario(ScenarioKeys):
         return [table for table in self.expect if table.meant(plant, gains)]
 
     def check_over_time(self, what: str, *, airspeed: bool = False) -> None:
-        """Refuse a route for what needs a reference over time, and an `airspeed` it cannot have."""
+        """Refuse a route if a reference over time is needed, and an unsupported `airspeed`."""
         if self.route is not None:
             raise InputError(f"`route` must be absent for {what}: it needs a reference over time.")
         if self.airspeed and not airspeed:
@@ -258,10 +258,10 @@ class Scenario(ScenarioKeys):
             )
 
     def as_dict(self) -> dict[str, Any]:
-        """The scenario as plain values, defaults filled in, as it would stand in a file."""
+        """The scenario as plain values with defaults, as in a file."""
         return self.model_dump(mode="json", exclude_none=True)
 
     @property
     def sha256(self) -> str:
-        """Hash of the scenario's values, the same for every way to write them."""
+        """Hash of the scenario's values, independent of their notation."""
         return hash_of(self.as_dict())
