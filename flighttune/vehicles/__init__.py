@@ -1,1 +1,1 @@
-"""Aircraft: their files, the plants that fly them, and the models identified in flight."""
+"""Aircraft: their files, their plants, and models identified in flight."""

@@ -1,4 +1,4 @@
-"""``[flight]`` of a scenario: where a flight starts, and how long it is."""
+"""``[flight]`` of a scenario: the start and duration of a flight."""
 
 from typing import Annotated, Literal, TypeAlias
 
@@ -23,9 +23,9 @@ class FlightTable(q.Table):
     chi_deg: q.Course = 0.0
     gamma_deg: q.Inclination = 0.0
     phi_deg: q.Inclination = 0.0
-    n_z: q.LoadFactor | None = None  # command at the start; that of steady flight if left out
-    # Whether the angles are those over ground or, with heading, through the air
+    n_z: q.LoadFactor | None = None  # command at the start; steady flight if left out
+    # Angles over ground or, with heading, through the air
     start: Literal["course", "heading"] = "course"
     duration_s: q.Duration = 20.0
     ground_m: Ground = 0.0  # height of the ground above sea level
-    g_mps2: q.Gravity = G_PAPER  # of the kinematic law
+    g_mps2: q.Gravity = G_PAPER  # gravity of the kinematic law

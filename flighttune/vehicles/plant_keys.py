@@ -1,4 +1,4 @@
-"""``[[plant]]`` of a scenario: what flies."""
+"""``[[plant]]`` of a scenario: a plant to fly."""
 
 from collections.abc import Iterable
 from functools import cached_property
@@ -22,17 +22,17 @@ else:
 
 
 class PlantTable(OwnTable):
-    """``[[plant]]``: what flies, with the keys of its kind."""
+    """``[[plant]]``: a plant to fly, with the keys of its kind."""
 
     # kinematic: the paper's law; point_mass: exact; point_mass_lag: exact, behind an inner loop;
     # jsbsim: an aircraft of six degrees of freedom; python: a class of your own
     kind: Kind
     # A name of `flighttune list`, or a folder with an aircraft.toml
     aircraft: q.PathName | None = None
-    name: q.Name | None = None  # tells plants of one kind and aircraft apart
-    # Of a weaker engine; the aircraft's own if left out
+    name: q.Name | None = None  # distinguishes plants of one kind and aircraft
+    # Maximum throttle of a weaker engine; the aircraft's own if left out
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
-    throttle_max_from_s: q.Instant | None = None  # when that begins to hold; the start if left out
+    throttle_max_from_s: q.Instant | None = None  # time from which it holds; the start if left out
     airframe: OffNominal | None = None  # off-nominal properties
     roll_lag_rad_s: q.Bandwidth | None = None  # natural frequency
     roll_damping: q.Damping | None = None  # ratio of a lag of second order; first order if left out
@@ -40,10 +40,10 @@ class PlantTable(OwnTable):
     n_z_lag_rad_s: q.Bandwidth | None = None  # natural frequency
     n_z_damping: q.Damping | None = None  # ratio of a lag of second order; first order if left out
     n_z_delay_s: q.Delay | None = None  # none if left out
-    n_x_lag_rad_s: q.Bandwidth | None = None  # natural frequency, where the airspeed is followed
+    n_x_lag_rad_s: q.Bandwidth | None = None  # natural frequency, if the airspeed is followed
     n_x_damping: q.Damping | None = None  # ratio of a lag of second order; first order if left out
     n_x_delay_s: q.Delay | None = None  # none if left out
-    # Aircraft or model file whose nominal condition gives the lags in place of these keys
+    # Aircraft or model file whose nominal condition gives the lags instead of these keys
     identified: q.PathName | None = None
 
     @model_validator(mode="after")
@@ -61,20 +61,20 @@ class PlantTable(OwnTable):
 
     @property
     def family(self) -> PlantKind:
-        """Description of its kind for the other rooms."""
+        """Description of its kind."""
         return PLANT_KINDS[self.kind]
 
     @cached_property
     def config(self) -> AircraftConfig:
         """The aircraft, read once."""
-        assert self.aircraft is not None  # of a plant that is one
+        assert self.aircraft is not None  # only an aircraft has it
         return load_aircraft(self.aircraft)
 
     @cached_property
     def identified_model(self) -> IdentifiedAircraft:
-        """The model identified of the aircraft, read once."""
+        """The identified model of the aircraft, read once."""
         name = self.aircraft or self.identified
-        assert name is not None  # of a plant that has one
+        assert name is not None  # only a plant with a model has it
         return load_identified(name)
 
     @property
@@ -84,14 +84,14 @@ class PlantTable(OwnTable):
 
     def lags(self) -> tuple[InnerLag, InnerLag] | None:
         """Lag of roll and of load factor; None for a plant without lags."""
-        if self.identified is not None:  # of the nominal condition
+        if self.identified is not None:  # lags of the nominal condition
             return self.identified_model.conditions[0].lags
         if self.roll_lag_rad_s is None:
             return None
         return self._lag("roll"), self._lag("n_z")
 
     def thrust_lag(self) -> InnerLag:
-        """Lag of n_x of a plant with lags; an InputError says that it is missing."""
+        """Lag of n_x of a plant with lags; InputError if it is missing."""
         if self.identified is not None:
             return self.identified_model.conditions[0].thrust_lag
         if self.n_x_lag_rad_s is None:
@@ -111,7 +111,7 @@ class PlantTable(OwnTable):
 
 
 def flown_aircraft(plants: Iterable[PlantTable]) -> list[str]:
-    """Names of the aircraft that plants are, or whose lags they have."""
+    """Names of the aircraft of plants, or of their lags."""
     names = (
         Path(plant.aircraft).name if plant.aircraft else plant.identified_model.aircraft
         for plant in plants

@@ -18,14 +18,14 @@ Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 class WindLevelTable(q.Table):
     """``[[wind.level]]``: the wind at one height above sea level."""
 
-    h_m: q.Height  # above sea level, rising from level to level; the wind is linear between them
+    h_m: q.Height  # above sea level, rising; the wind is linear between levels
     speed_mps: q.WindSpeed
     from_deg: q.Course  # where it comes from, clockwise from north
     down_mps: q.Wind = 0.0
 
 
 class WindTable(q.Table):
-    """``[wind]``: steady wind, the same at all heights or given at levels."""
+    """``[wind]``: steady wind, constant over height or given at levels."""
 
     speed_mps: q.WindSpeed | None = None
     from_deg: q.Course | None = None  # where it comes from, clockwise from north
@@ -45,7 +45,7 @@ class WindTable(q.Table):
         return self
 
     def profile(self) -> WindProfile:
-        """The wind over height in m/s, north, east and down."""
+        """The wind over height, north, east and down, m/s."""
         if self.level is None:
             wind = _blowing(self.speed_mps or 0.0, self.from_deg or 0.0, self.down_mps)
             return WindProfile(((0.0, wind),))
@@ -59,12 +59,12 @@ def _blowing(speed: float, from_deg: float, down: float) -> NED:
 
 
 class GustTable(q.Table):
-    """``[gust]``: one 1-cosine gust, its length flown through at the airspeed of the start."""
+    """``[gust]``: one 1-cosine gust, whose length is flown through at the initial airspeed."""
 
-    axis: Literal["ahead", "right", "down"]  # body axis when it begins
+    axis: Literal["ahead", "right", "down"]  # body axis at its beginning
     peak_mps: q.Wind
     start_s: q.Instant
-    length_m: q.Length  # of each flank, flown through at the airspeed of the start
+    length_m: q.Length  # length of each flank, flown through at the initial airspeed
     hold_s: q.Instant = 0.0
 
     def gust(self, V_a: float) -> Gust:
@@ -83,12 +83,12 @@ INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
 
 
 class TurbulenceTable(q.Table):
-    """``[turbulence]``: Dryden turbulence by a word, or by the two numbers behind it."""
+    """``[turbulence]``: Dryden turbulence by a word or by its two numbers."""
 
     intensity: Literal["light", "moderate", "severe"] | None = None
-    # Curve of MIL-F-8785C, in place of an intensity
+    # Curve of MIL-F-8785C, instead of an intensity
     severity: Annotated[int, Field(ge=1, le=7)] | None = None
-    wind_20ft_mps: q.WindSpeed | None = None  # wind 20 ft above the ground, beside the severity
+    wind_20ft_mps: q.WindSpeed | None = None  # wind 20 ft above the ground, with the severity
     model: TurbulenceModel = "tustin"
 
     @model_validator(mode="after")
@@ -117,10 +117,10 @@ class SensorsTable(q.Table):
     gamma_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
     V_a_bias_mps: q.Wind = 0.0
     V_a_noise_sd_mps: q.WindSpeed = 0.0  # standard deviation, drawn from the seed
-    noise_time_constant_s: q.TimeConstant | None = None  # of all three; white noise if left out
+    noise_time_constant_s: q.TimeConstant | None = None  # of all noise; white if left out
 
     def sensors(self, seed: int) -> Sensors:
-        """The errors in rad and m/s, their noise drawn from the scenario's `seed`."""
+        """The errors in rad and m/s, with noise from the scenario's `seed`."""
         bias = self.chi_bias_deg * DEG, self.gamma_bias_deg * DEG, self.V_a_bias_mps
         sd = self.chi_noise_sd_deg * DEG, self.gamma_noise_sd_deg * DEG, self.V_a_noise_sd_mps
         time_constant = self.noise_time_constant_s or 0.0

@@ -1,1 +1,1 @@
-"""An aircraft folder: its tables, its airframe off the nominal, and the XML that JSBSim loads."""
+"""An aircraft folder: its tables, off-nominal airframes, and the XML for JSBSim."""

@@ -29,23 +29,23 @@ StuckAngle = Annotated[q.Finite, Field(ge=-90.0, le=90.0)]
 
 
 class Fault(q.Table):
-    """``[plant.airframe.fault]``: what fails in flight, all at once and for the rest of it."""
+    """``[plant.airframe.fault]``: a failure in flight, sudden and lasting to the end."""
 
     from_s: q.Instant
-    cg_aft_m: q.Shift = 0.0  # of the centre of gravity, by a tenth of the mass, which slides there
+    cg_aft_m: q.Shift = 0.0  # shift of the centre of gravity by a sliding tenth of the mass
     lift_factor: q.Factor = 1.0
     drag_factor: q.Factor = 1.0
-    throttle_factor: q.Factor = 1.0  # on the commanded throttle, which the engines do not get
+    throttle_factor: q.Factor = 1.0  # factor on the throttle command
     actuator_lag_factor: q.Factor = 1.0
-    V_a_bias_mps: q.Wind = 0.0  # measured minus true airspeed, as inner and outer loop have it
-    # Where a surface is stuck
+    V_a_bias_mps: q.Wind = 0.0  # measured minus true airspeed, for inner and outer loop
+    # Positions of stuck surfaces
     aileron_stuck_deg: StuckAngle | None = None
     elevator_stuck_deg: StuckAngle | None = None
     rudder_stuck_deg: StuckAngle | None = None
 
     @property
     def stuck(self) -> dict[str, float]:
-        """Surfaces that are stuck, and where, rad."""
+        """Stuck surfaces with their positions, rad."""
         angles = {name: getattr(self, f"{name}_stuck_deg") for name in SURFACES}
         return {name: angle * DEG for name, angle in angles.items() if angle is not None}
 
@@ -58,30 +58,30 @@ class Fault(q.Table):
 class OffNominal(q.Table):
     """``[plant.airframe]``: differences of an aircraft from its files."""
 
-    mass_factor: q.Factor = 1.0  # on the whole mass; the centre of gravity and the inertias stay
+    mass_factor: q.Factor = 1.0  # on mass alone; centre of gravity and inertias stay
     # Shift of the centre of gravity
     cg_aft_m: q.Shift = 0.0
     cg_right_m: q.Shift = 0.0
     cg_down_m: q.Shift = 0.0
-    # On the inertias about the centre of gravity, body axes
+    # Factors on the inertias about the centre of gravity, body axes
     ixx_factor: q.Factor = 1.0
     iyy_factor: q.Factor = 1.0
     izz_factor: q.Factor = 1.0
     ixz_factor: q.Factor = 1.0
-    # On everything the aerodynamics give along and about one axis
+    # Factors on all aerodynamics along and about one axis
     lift_factor: q.Factor = 1.0
     drag_factor: q.Factor = 1.0
     side_force_factor: q.Factor = 1.0
     roll_moment_factor: q.Factor = 1.0
     pitch_moment_factor: q.Factor = 1.0
     yaw_moment_factor: q.Factor = 1.0
-    # On single aerodynamic functions of the model, by name or last part of it. Those of 1 count
-    # too: each must have its function.
+    # Factors on single aerodynamic functions of the model, by name or its last part. Each must have
+    # its function, even with a factor of 1.
     coefficient_factors: dict[Annotated[str, Field(min_length=1)], q.Factor] = Field(
         default_factory=dict
     )
-    thrust_factor: q.Factor = 1.0  # on the thrust at each throttle
-    actuator_lag_factor: q.Factor = 1.0  # on the time constants of the surface actuators
+    thrust_factor: q.Factor = 1.0  # factor on the thrust at each throttle
+    actuator_lag_factor: q.Factor = 1.0  # factor on the time constants of the surface actuators
     fault: Fault | None = None
 
     @property
@@ -91,12 +91,12 @@ class OffNominal(q.Table):
 
     @property
     def slides(self) -> bool:
-        """Whether a part of the mass slides during the flight."""
+        """Whether a part of the mass slides in flight."""
         return self.fault is not None and self.fault.cg_aft_m != 0.0
 
     @property
     def loaded(self) -> bool:
-        """Whether mass, centre of gravity or inertia differ, or will."""
+        """Whether mass, centre of gravity or inertia differ at any time."""
         moved = self.slides or any(self.cg_shift)
         return moved or self.mass_factor != 1.0 or bool(self.inertia_factors)
 
@@ -117,16 +117,16 @@ def _other_than_one(table: Fault | OffNominal, *names: str) -> dict[str, float]:
 
 
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
-# Names JSBSim takes; it ends the process over any other.
+# Names that JSBSim accepts; any other name ends the process.
 PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
 
-# Place of JSBSim's own properties in the tree that it shares with FlightGear.
+# Path of JSBSim's own properties in the tree that it shares with FlightGear.
 OWN_TREE = "/fdm/jsbsim"
 
 
 def absolute_name(name: str, base: str = OWN_TREE) -> str:
-    """Path of a property from the root, of a name that may be relative to `base`."""
-    # JSBSim takes doubled slashes, dots, a slash at the end, and none after an index.
+    """Path of a property from the root; its name may be relative to `base`."""
+    # JSBSim accepts doubled slashes, dots, a final slash, and no slash after an index.
     levels = [] if name.startswith("/") else base.split("/")
     for level in name.replace("]", "]/").split("/"):
         if level == "..":
@@ -137,7 +137,7 @@ def absolute_name(name: str, base: str = OWN_TREE) -> str:
 
 
 def property_name(name: str) -> str:
-    """A name as an ``aircraft.toml`` has it, of one that JSBSim takes."""
+    """The name for an ``aircraft.toml`` of a name that JSBSim accepts."""
     return absolute_name(name).removeprefix(f"{OWN_TREE}/") if name else ""
 
 
@@ -159,7 +159,7 @@ def _one_line(text: str) -> str:
     return text
 
 
-# A text is printed, and goes into other files.
+# Texts are printed and written to other files.
 Text = Annotated[str, AfterValidator(_one_line)]
 SurfaceAngle = Annotated[q.Finite, Field(gt=-math.pi, lt=math.pi)]
 SurfaceAngles = Annotated[
@@ -169,13 +169,13 @@ FromDegrees = Annotated[q.Angle, AfterValidator(math.radians)]
 Throttle = Annotated[q.Finite, Field(ge=0.0, le=1.0)]
 Angles = Annotated[tuple[FromDegrees, FromDegrees], *q.Rising]
 PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
-# With a minus it is the negative of the property.
+# A minus negates the property.
 SourceName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^-?", 1))]
 DeclaredName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^/?", 1))]
 
 
 class FlightEnvelope(q.Table):
-    """Range in which the model is valid: leaving it ends a flight."""
+    """Range of validity of the model; leaving it ends a flight."""
 
     # `alpha` and `theta` (rad): angle of attack; pitch attitude
     alpha: Angles = Field(alias="alpha_deg")
@@ -207,20 +207,20 @@ class CommandLimits(q.Table):
 
 
 class Surface(q.Table):
-    """A control surface: how far it is moved, and by which property of the model."""
+    """A control surface: its travel, and the property of the model that moves it."""
 
-    # rad: stops, positive where the aileron rolls right, the elevator is trailing edge down and the
-    # rudder trailing edge left.
+    # rad: stops; positive: aileron rolls right, elevator trailing edge down, rudder trailing edge
+    # left.
     travel: Angles = Field(alias="travel_deg")
-    # Property of the model that takes the command, by default ``fcs/SURFACE-cmd-norm``. One that
-    # ends in ``-rad`` takes the position itself.
+    # Property of the model for the command, by default ``fcs/SURFACE-cmd-norm``. A property that
+    # ends in ``-rad`` is the position itself.
     command: PropertyName | None = None
-    # rad: positions at the commands -1 and +1, by default `travel`; the first is larger if the
-    # command has the opposite sense.
+    # rad: positions at the commands -1 and +1, by default `travel`; the first is larger for a
+    # command of the opposite sense.
     full: SurfaceAngles | None = Field(alias="full_rad", default=None)
-    # Properties of the model's own flight control that its aerodynamics read, and instead of which
-    # they get the position, with a minus its negative: this goes past a flight control that would
-    # change the position. What two surfaces replace, such as an elevon, gets the sum of both.
+    # Properties of the model's own flight control that the position replaces in its aerodynamics,
+    # with a minus its negative. This bypasses a flight control that would change the position. A
+    # property that two surfaces replace, such as an elevon, gets the sum of both.
     replaces: Annotated[tuple[SourceName, ...], Field(strict=False, max_length=20)] = ()
 
 
@@ -229,35 +229,35 @@ class Surfaces(q.Table):
 
     aileron: Surface
     elevator: Surface
-    rudder: Surface | None = None  # without one, yaw is left to the airframe
+    rudder: Surface | None = None  # without a rudder, yaw is left to the airframe
 
     def named(self) -> Iterator[tuple[str, Surface]]:
-        """Name and table of each that the aircraft has, in the order of `SURFACES`."""
+        """Name and table of each existing surface, in the order of `SURFACES`."""
         surfaces = ((name, getattr(self, name)) for name in SURFACES)
         return ((name, surface) for name, surface in surfaces if surface is not None)
 
 
 class Engines(q.Table):
-    """The engines, which get one throttle command."""
+    """The engines, with one common throttle command."""
 
-    # Engines of the model, every one of which must push; without one it glides
+    # Number of engines, each of which must push; 0 for a glider
     count: Annotated[int, Field(ge=0, le=32)] = 1
-    # s: time they take from any state to a steady one; 0 where JSBSim knows the steady state
+    # s: settling time of the engines; 0 if JSBSim knows the steady state
     settle: q.NotNegative = Field(alias="settle_s", default=0.0, le=60.0)
     # Lowest and highest throttle
     throttle: Annotated[tuple[Throttle, Throttle], *q.Rising] = (0.0, 1.0)
-    # Property of the model that takes the throttle of the first engine; the others are indices
+    # Property for the throttle of the first engine; the others have indices
     command: PropertyName = "fcs/throttle-cmd-norm"
     # Value of that property at full throttle
     full: q.Positive = 1.0
-    # Property of the thrust in lbf where it is an external force; by default that of each engine
+    # Property of a thrust that is an external force, lbf; by default each engine's thrust
     thrust: PropertyName | None = None
 
 
 class Design(q.Table):
     """Goals of ``flighttune design`` for the inner loop."""
 
-    # `V_a` and `h` (m/s and m): steady level flight that the airframe is linearised about
+    # `V_a` and `h` (m/s and m): steady level flight for linearisation
     V_a: q.Airspeed = Field(alias="V_a_mps")
     h: q.Height = Field(alias="h_m")
     V_a_shown: tuple[q.Airspeed, ...] = Field(
@@ -282,36 +282,36 @@ GAINS_FILE = "gains.json"
 
 
 class InnerLoopGains(q.Table):
-    """Gains of the inner loop, as ``flighttune design`` writes them beside ``aircraft.toml``."""
+    """Gains of the inner loop, written by ``flighttune design`` beside ``aircraft.toml``."""
 
     format: Literal["flighttune inner-loop gains 1"] = "flighttune inner-loop gains 1"
     made_for: str  # hash of the model's files and of the aircraft's surfaces, engines and settings
-    jsbsim: str  # version that computed them
-    # Gains by their names behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1
+    jsbsim: str  # version of flighttune that computed them
+    # Gains by their names after ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1
     gains: dict[PropertyName, q.Gain]
 
     @property
     def sha256(self) -> str:
-        """Hash of the gains and of what they were made for."""
+        """Hash of the gains and of their basis."""
         return hash_of([self.made_for, self.gains])
 
 
 class AircraftConfig(q.Table):
-    """One aircraft as its ``aircraft.toml`` describes it, in SI and radians."""
+    """An aircraft as described by its ``aircraft.toml``, in SI and radians."""
 
     # Description of the aircraft, and source of its numbers
     title: Text
     source: Text
-    # Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which ends
-    # in ``.xml``.
+    # Name of an aircraft in JSBSim's own set, or path of a main file (``.xml``) relative to the
+    # folder.
     model: Annotated[
         q.PathName,
         Field(pattern=r"^[^{}]+$", max_length=500),
         AfterValidator(_one_line),
         AfterValidator(_name_or_file),
     ]
-    # 1/s: samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
-    # fraction.
+    # 1/s: sample rate of the inner loop's computer. JSBSim's step is one sample or a whole fraction
+    # of it.
     inner_loop_rate: Annotated[q.Finite, Field(ge=20.0, le=2000.0)] = Field(
         alias="inner_loop_rate_hz", default=200.0
     )
@@ -320,10 +320,10 @@ class AircraftConfig(q.Table):
     engines: Engines = Engines()
     # Values of JSBSim properties for the whole flight, in JSBSim's units
     settings: dict[PropertyName, q.Finite] = Field(default_factory=dict)
-    # Values of properties of another simulator: the model refers to them, and neither it nor JSBSim
-    # has them.
+    # Values of properties of another simulator that the model refers to but that neither it nor
+    # JSBSim defines.
     declared: dict[DeclaredName, q.Finite] = Field(default_factory=dict)
-    # Properties of JSBSim by those of another simulator that follow them, such as levers
+    # JSBSim's properties by the other simulator's properties that follow them, such as levers
     linked: dict[DeclaredName, SourceName] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits
@@ -335,7 +335,7 @@ class AircraftConfig(q.Table):
 
     @property
     def folder(self) -> Path:
-        """Folder the aircraft was read from."""
+        """Folder of the aircraft."""
         return self._folder
 
     @property
@@ -345,33 +345,33 @@ class AircraftConfig(q.Table):
 
     @property
     def gains(self) -> InnerLoopGains | None:
-        """Gains of the inner loop; None where `design` has written none."""
+        """Gains of the inner loop; None before `design` has written them."""
         return self._gains
 
     @property
     def fingerprint(self) -> str:
-        """Hash of what the file says about surfaces, engines and settings."""
+        """Hash of the file's surfaces, engines and settings."""
         return self._fingerprint
 
     def with_gains(self, gains: InnerLoopGains) -> Self:
-        """Return the aircraft with other gains of its inner loop."""
+        """Return the aircraft with other inner-loop gains."""
         changed = self.model_copy()
         changed._gains = gains
         return changed
 
     @property
     def off_nominal(self) -> OffNominal | None:
-        """Differences of the aircraft from its files; None without any."""
+        """Differences of the aircraft from its files; None without differences."""
         return self._off_nominal
 
     def with_off_nominal(self, off_nominal: OffNominal | None) -> Self:
-        """Return the aircraft off the nominal; JSBSim checks it when it loads the aircraft."""
+        """Return the off-nominal aircraft; JSBSim checks it on loading."""
         changed = self.model_copy()
         changed._off_nominal = off_nominal
         return changed
 
     def with_throttle_max(self, throttle_max: float) -> Self:
-        """Return the aircraft with another upper stop of the throttle, between its stops."""
+        """Return the aircraft with a lower maximum throttle."""
         low, high = self.engines.throttle
         if not low < throttle_max <= high:
             raise InputError(
@@ -382,7 +382,7 @@ class AircraftConfig(q.Table):
 
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
-    """Return the aircraft of a name, or of a folder that holds an ``aircraft.toml``."""
+    """Return the aircraft with a name, or from a folder with an ``aircraft.toml``."""
     folder = Path(aircraft).resolve()
     if folder.is_file() or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
         folder = aircraft_folder(str(aircraft))
@@ -392,7 +392,7 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
 
 @lru_cache(maxsize=32)
 def _read(folder: Path, _stamp: tuple[int, ...], gains_stamp: tuple[int, ...]) -> AircraftConfig:
-    """The aircraft of a folder, read anew when a file was written to."""
+    """The aircraft of a folder, read again after a file has changed."""
     config = aircraft_from(toml_tables(folder / "aircraft.toml"), folder)
     if gains_stamp:
         gains = folder / GAINS_FILE
@@ -404,8 +404,8 @@ def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
     """Return the aircraft that the tables of an ``aircraft.toml`` in `folder` describe."""
     config = validated(AircraftConfig, tables, folder / "aircraft.toml")
     config._folder = folder
-    # Each start of a flight asks for the fingerprint. Copies keep that of the file: their
-    # throttle is no part of the model.
+    # Each start of a flight needs the fingerprint. Copies keep the file's fingerprint, because
+    # their throttle is not part of the model.
     engines = {"count", "command", "full"}
     parts = {"surfaces": True, "settings": True, "declared": True, "linked": True}
     text = config.model_dump_json(include=parts | {"engines": engines}, exclude_defaults=True)
@@ -422,7 +422,7 @@ def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
 def start_faults(
     config: AircraftConfig, condition: FlightCondition, ground: float
 ) -> Iterator[tuple[str, str]]:
-    """Attributes of a condition outside the aircraft's envelope or limits, with the reason."""
+    """Attributes of a condition outside the aircraft's envelope or limits, with reasons."""
     if not condition.h > ground:
         yield "h", f"must be above the ground at {ground:g} m, got {condition.h:g} m"
     for name, value, (low, high), unit, symbol in (

@@ -1,6 +1,6 @@
-"""The XML of an aircraft: placeholders where each flight has its own numbers, and our systems.
+"""The XML of an aircraft: placeholders for the numbers of each flight, and our systems.
 
-The systems in front of any model are the inner loop and the actuators behind it.
+The inner loop and its actuators are put in front of every model.
 """
 
 import math
@@ -38,7 +38,7 @@ def put_in_front(root: Element, config: AircraftConfig) -> None:
     inner_loop = fromstring(Path(__file__).with_name("inner_loop.xml").read_text(encoding="utf-8"))
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
-    # Variables of the aerodynamics in whose place the positions of surfaces are read, each once.
+    # Variables of the aerodynamics that positions of surfaces replace, each once.
     replaced = (x for _, surface in config.surfaces.named() for x in surface.replaces)
     replaced = dict.fromkeys(x.removeprefix("-") for x in replaced)
     root[first:first] = [inner_loop, _actuators(config, replaced)]
@@ -90,9 +90,9 @@ def _actuator(name: str, unit: str, lag: float, low: str, high: str) -> Element:
 
 
 def _norm(name: str, surface: Surface) -> Element:
-    """The position of a surface as a share of that at full command."""
+    """The position of a surface as a share of the position at full command."""
     low, high = surface.full or surface.travel
-    # Below zero, and else.
+    # Below zero, and otherwise.
     cases = [
         node("quotient", node("property", f"ft/{name}-rad"), node("value", repr(full)))
         for full in ((-low, high) if low < high else (high, -low))
@@ -102,8 +102,8 @@ def _norm(name: str, surface: Surface) -> Element:
 
 
 def _read(variable: str, config: AircraftConfig) -> Element:
-    """The function that aerodynamics read instead of a position that flight control commands."""
-    # For an elevon it is the sum of the positions of aileron and elevator.
+    """The function that replaces a flight-control position in the aerodynamics."""
+    # For an elevon this is the sum of the positions of aileron and elevator.
     parts = Element("sum")
     for name, surface in config.surfaces.named():
         for sign in (sign for sign in ("", "-") if f"{sign}{variable}" in surface.replaces):
@@ -140,36 +140,36 @@ def read_xml(file: Path, subject: str) -> ElementTree.Element:
 
 
 def placeholder(name: str, base: float = 1.0) -> str:
-    """Text that stands for the value of `name` times `base`, the number in the aircraft's file."""
+    """Placeholder for the value of `name` times `base`, the number in the aircraft's file."""
     return f"{{{{{name}*{base!r}}}}}"
 
 
 def template_of(root: ElementTree.Element) -> str:
-    """Text of an element tree, with the placeholders in it."""
+    """Text of an element tree with its placeholders."""
     return _HEAD + ElementTree.tostring(root, encoding="unicode")
 
 
 def filled(template: str, values: Mapping[str, float]) -> str:
-    """Text with `values` in its placeholders, to the last bit."""
+    """Text with `values` in its placeholders, exact to the last bit."""
     return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)
 
 
 # Names of the actuators of the surfaces.
 SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
 
-# Beginning of the properties of what fails in flight.
+# Prefix of the properties of failures in flight.
 FAULT = "ft/fault/"
 
-# Share of the mass that slides where the centre of gravity moves in flight.
+# Share of the mass that slides when the centre of gravity moves in flight.
 BALLAST = 0.1
 
-# Beginning of the placeholder of a factor on a single function.
+# Prefix of the placeholder of a factor on a single function.
 COEFFICIENT = "coefficient "
 
-# Numbers proportional to the thrust of engines that push without a propeller.
+# Numbers proportional to the thrust of engines without a propeller.
 _THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
 
-# Diameter that no propeller of an aeroplane has had, ft.
+# Diameter beyond every aeroplane's propeller, ft.
 WIDEST_PROPELLER = 30.0
 
 _NOT_OPERATIONS = ("description", "documentation")
@@ -189,7 +189,7 @@ def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
 
 
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
-    """Multiply the one function, or part, that is called `name`, all or behind its last slash."""
+    """Multiply the single function, or part, with this `name` or last part of a name."""
     named = [
         (parent, i, child.get("name", "").strip())
         for aerodynamics in root.iterfind("aerodynamics")
@@ -214,10 +214,10 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
 
 
 def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
-    """Multiply the thrust of every engine: of its propeller, or of what pushes directly."""
+    """Multiply the thrust of every engine, by its propeller or directly."""
     for engine in root.iterfind("propulsion/engine"):
-        # The files of engines and thrusters are looked for in `folders`, in this order, and put
-        # into the main file.
+        # The files of engines and thrusters are searched in `folders`, in this order, and put into
+        # the main file.
         motor = _inlined(engine, folders)
         thruster = engine.find("thruster")
         thruster_kind = None if thruster is None else _inlined(thruster, folders)
@@ -237,7 +237,7 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
 
 
 def in_inches(propeller: Element) -> bool:
-    """Whether a diameter has no unit, and is wider than any propeller in the feet of JSBSim."""
+    """Whether a diameter without a unit would be too large for a propeller in JSBSim's feet."""
     diameters = (x for x in propeller.iterfind("diameter") if "unit" not in x.attrib)
     with suppress(ValueError):
         return any(float(x.text or "") > WIDEST_PROPELLER for x in diameters)
@@ -245,17 +245,17 @@ def in_inches(propeller: Element) -> bool:
 
 
 def mend_engines(root: Element, folders: Sequence[Path], *, off: bool) -> None:
-    """Give diameters of propellers their unit, and turbines that are `off` no thrust."""
+    """Add the unit to diameters of propellers, and remove the thrust of turbines that are `off`."""
     for holder in root.findall("propulsion//*[@file]"):
         file = found_file(holder.attrib["file"], folders, folders[0])
-        if not os.path.isfile(file):  # JSBSim names what is missing
+        if not os.path.isfile(file):  # JSBSim names the missing file
             continue
         part = read_xml(file, str(file))
         if part.tag == "propeller" and in_inches(part):
             for diameter in part.iterfind("diameter"):
                 diameter.set("unit", "IN")
         elif part.tag == "turbine_engine" and off:
-            # Where no time passes JSBSim lets a turbine push as an idle one.
+            # Without time steps JSBSim gives a turbine idle thrust.
             for thrust in part.iterfind("milthrust"):
                 thrust.text = "0"
         else:
@@ -265,14 +265,14 @@ def mend_engines(root: Element, folders: Sequence[Path], *, off: bool) -> None:
 
 
 def slow_actuators(root: Element) -> None:
-    """Multiply the time constants of the surface actuators of a model with its systems."""
+    """Multiply the time constants of the surface actuators."""
     for name in SURFACE_ACTUATORS:
         lag = _only(root, f"system/channel/actuator[@name='{name}']/lag")
         lag.text = placeholder("actuator_rate", SURFACE_LAG)
 
 
 def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -> None:
-    """Put properties of the whole aircraft where something fails in flight into its main file."""
+    """Add properties for failures in flight to the main file."""
     system = _only(root, "system[@name='actuators']")
     channel = _only(system, "channel")
     values = {name: 1.0 for name in fault.factors if name != "actuator_lag"}
@@ -302,7 +302,7 @@ def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -
 
 
 def _loosen_throttle(channel: Element) -> None:
-    """Put a factor between the throttle and what it moves: the lever, or the engines."""
+    """Put a factor between the throttle and the lever or engines."""
     throttle = _only(channel, "actuator[@name='ft/throttle-norm']")
     factors = (node("property", name) for name in (f"{FAULT}throttle", "ft/throttle-norm"))
     product = node("function", node("product", *factors))
@@ -324,7 +324,7 @@ def _only(root: Element, path: str) -> Element:
 
 
 def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
-    """Put the file that `holder` names into it, and return what was in that file."""
+    """Put the file that `holder` names into it, and return the inserted element."""
     name = holder.attrib.pop("file", None)
     if name is None:
         return holder[0]
@@ -334,14 +334,14 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
 
 
 def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
-    """The file that JSBSim finds under a name; in the first of the folders where there is none."""
+    """The file that JSBSim finds under a name; in the first folder if there is none."""
     file = name if name.endswith(".xml") else f"{name}.xml"
-    # Of a name that is too long for any file system, `Path.exists` raises an error.
+    # `Path.exists` raises an error for a name that is too long.
     files = (folder / file for folder in folders if os.path.exists(folder / file))
     path = next(files, folders[0] / file)
     if os.path.exists(path) and not os.path.isfile(path):  # JSBSim would wait for a pipe
         raise PlantError(f"{named_in}: `file` must name a file, got {path}.")
-    # A file of somebody else must not reach out of its folder, by its path or behind a symlink.
+    # A foreign file must not refer outside its folder, by path or symlink.
     for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
         if not any(place.is_relative_to(folder) for folder in folders):
             raise PlantError(
@@ -363,7 +363,7 @@ def _multiply(parent: Element, i: int, factor: str) -> None:
 _KG_M2 = SLUG * FT * FT
 _INCHES = 12.0
 
-# Place of each moment and product of inertia in the matrix.
+# Position of each moment and product of inertia in the matrix.
 INERTIAS = {
     "ixx": (0, 0),
     "iyy": (1, 1),
@@ -373,7 +373,7 @@ INERTIAS = {
     "iyz": (1, 2),
 }
 
-# Share of the largest inertia by which rounding may break the triangle inequality.
+# Tolerance of the triangle inequality for rounding, as a share of the largest inertia.
 _TRIANGLE = 1e-9
 
 
@@ -389,7 +389,7 @@ class Body(NamedTuple):
 
 
 class MassBalance(NamedTuple):
-    """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set."""
+    """The mass of the whole aircraft in JSBSim, and its settable part."""
 
     # The aircraft with load and fuel, and without
     whole: Body
@@ -397,7 +397,7 @@ class MassBalance(NamedTuple):
     pounds_per_slug: float  # lbf of weight in a slug of mass, as JSBSim converts
 
     def values(self, off: OffNominal) -> dict[str, float]:
-        """Numbers of the empty aircraft (lbf, in, slug ft^2) that make the whole as `off` says."""
+        """Numbers of the empty aircraft (lbf, in, slug ft^2) with which the whole meets `off`."""
         weight = off.mass_factor * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
         ballast = BALLAST * weight if off.slides else 0.0
@@ -408,8 +408,8 @@ class MassBalance(NamedTuple):
                 f"got {off.mass_factor:g}."
             )
         cg = self.whole.cg + np.array([1.0, 1.0, -1.0]) * off.cg_shift / FT
-        # About one point (the nominal centre of gravity) moments and inertias add up: those of load
-        # and fuel stay as they are, and the empty aircraft makes up for the rest.
+        # About one point (the nominal centre of gravity) moments and inertias add up. Load and fuel
+        # are unchanged, and the empty aircraft makes up the difference.
         nominal, empty = self.whole.cg, self.empty
         load_moment = self.whole.weight * nominal - empty.weight * empty.cg
         load_inertia = self.whole.inertia - empty.inertia
@@ -421,8 +421,8 @@ class MassBalance(NamedTuple):
         inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
         inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
         values = {name: float(inertia[place]) for name, place in INERTIAS.items()}
-        # By default JSBSim turns the signs of all three products; with the attribute that
-        # `open_mass_balance` sets only that of xz.
+        # By default JSBSim inverts the signs of all three products; with the attribute set by
+        # `open_mass_balance` only the sign of xz.
         values["ixz"] = -values["ixz"]
         for part, place in (("cg", empty_cg), ("ballast", cg)):
             names = (f"{part}_{axis}" for axis in "xyz")
@@ -435,14 +435,14 @@ class MassBalance(NamedTuple):
         return weight / self.pounds_per_slug * (x @ x * np.eye(3) - np.outer(x, x))
 
     def _inertia(self, off: OffNominal) -> FloatArray:
-        """Inertia of the whole aircraft; refuses what no body has."""
+        """Inertia of the whole aircraft; refuses an impossible inertia."""
         scaled, factors = self.whole.inertia.copy(), off.inertia_factors
         for name, factor in factors.items():
             i, j = INERTIAS[name]
             scaled[i, j] = scaled[j, i] = factor * self.whole.inertia[i, j]
         least, middle, largest = np.linalg.eigvalsh(scaled)
         a, b, c = np.linalg.eigvalsh(self.whole.inertia)
-        sum_needed = min(1.0, (a + b) / c)  # some aircraft break the inequality as they are
+        sum_needed = min(1.0, (a + b) / c)  # some original aircraft violate the inequality
         possible = least > 0.0 and least + middle >= (sum_needed - _TRIANGLE) * largest
         if factors and not possible:
             moments = ", ".join(f"{value * _KG_M2:.4g}" for value in (least, middle, largest))
@@ -455,7 +455,7 @@ class MassBalance(NamedTuple):
 
 
 def open_mass_balance(root: Element, *, slides: bool = False) -> None:
-    """Put placeholders where the file says what the empty aircraft weighs, and what slides."""
+    """Put placeholders for the mass of the empty aircraft and of the sliding part."""
 
     def location(name: str, part: str) -> Element:
         axes = (node(axis, placeholder(f"{part}_{axis}")) for axis in "xyz")

@@ -1,1 +1,1 @@
-"""Models measured in flight, and the inner loop that is designed on them."""
+"""Models measured in flight, and the design of the inner loop on them."""

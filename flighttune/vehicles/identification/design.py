@@ -33,15 +33,15 @@ from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.jsbsim.properties import GYROSCOPIC
 from flighttune.vehicles.plants.jsbsim.trim import level, trim
 
-# A gain up to this size is the rounding of a difference and written as 0.
+# A smaller gain counts as rounding and is written as 0.
 NO_GAIN = 1e-9
 
-# Significant digits of the gains in the file; these are the ones flown.
+# Significant digits of the gains in the file, which are also flown.
 DIGITS = 4
 
 _MEASURED = ("p_dot", "q_dot", "r_dot", "u_dot", "n_z", "n_y")
 
-# Signs of the slopes that this inner loop needs.
+# Signs of slopes that this inner loop requires.
 SIGNS = (
     *((1, "p_dot", "aileron"), (1, "u_dot", "throttle"), (1, "n_z", "alpha")),
     *((-1, "q_dot", "elevator"), (-1, "r_dot", "rudder"), (-1, "n_y", "beta")),
@@ -55,7 +55,7 @@ _HALF_WIDTHS = dict.fromkeys(
 # Bandwidth of the surface actuators, rad/s.
 ACTUATOR = 25.0
 
-# Natural frequency of the roll error over the bandwidth of the roll model, where not given.
+# Default natural frequency of the roll error, relative to the bandwidth of the roll model.
 ROLL_STIFFNESS = 2.3
 
 WELL_DAMPED = 0.9
@@ -64,23 +64,23 @@ DUTCH_ROLL_DAMPING = 0.7
 # Bandwidth at which the rudder takes the lateral load factor to zero, rad/s.
 SIDE_FORCE = 1.0
 
-# Yaw acceleration by sideslip that the rudder makes up for, 1/s^2.
+# Yaw acceleration by sideslip that the rudder compensates, 1/s^2.
 MIN_WEATHERCOCK = 1.0
 
 # Delay of the lateral load factor, s: two samples and half a hold.
 ACCELEROMETER = 0.015
 
-YAW_MARGIN = 1.3  # factor on the gains at which the yaw loop is still stable
+YAW_MARGIN = 1.3  # factor on the gains at which the yaw loop must be stable
 MIN_YAW_SHARE = 0.02
 
-# Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator.
+# Largest gain from pitch rate to pitch acceleration, relative to the actuator's bandwidth.
 MAX_DAMPER = 0.6
 
-# Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s.
+# Ratio of the load-factor model's bandwidth to the desired bandwidth, at most 20 rad/s.
 MODEL_LEAD = 2.0
 
-# Frequency at which a propeller couples pitch and yaw, over the bandwidth of load factor, from
-# which the gains make up for it: below, the loops reject it.
+# The gains compensate the coupling of pitch and yaw by a propeller above this frequency, relative
+# to the bandwidth of load factor; below it the loops reject the coupling.
 STRONG = 1.5
 
 YAW_GAINS = ("yaw/k_ff", "yaw/k_r", "yaw/k_p", "yaw/k_i")
@@ -92,7 +92,7 @@ _SPAN, _STEP = 2.0, 0.01
 class Airframe:
     """Derivatives of accelerations and load factors about wings-level flight, SI and rad."""
 
-    trimmed: AirframeState  # the flight about which they are
+    trimmed: AirframeState  # the flight condition of the derivatives
     # ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
     # ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
     # ``elevator``, ``rudder`` (rad; only where there is one) and ``throttle`` (1)
@@ -119,7 +119,7 @@ class Airframe:
             output: {name: float(column[i]) for name, column in by.items()}
             for i, output in enumerate(_MEASURED)
         }
-        if not fdm.config.engines.count:  # an engine of any power would need no throttle
+        if not fdm.config.engines.count:  # with any power, no throttle would be needed
             named["u_dot"]["throttle"] = math.inf
         return cls(trimmed=trimmed, slopes=named)
 
@@ -127,25 +127,25 @@ class Airframe:
 ROLL_STEP = 30.0 * DEG
 LOAD_STEP = 0.5
 
-# A step lasts this long, s, or this many times the longest time to 90 %, whichever is longer.
+# Duration of a step: this time, s, or this multiple of the longest time to 90 %, if longer.
 ROLL_TIME, LOAD_TIME = 4.0, 1.6
 OVER_T90 = 1.4
 
-STEP_DT = 0.005  # s: of the steps flown
+STEP_DT = 0.005  # s: sample time of the flown steps
 
 BANK = 45.0 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StepResponse:
-    """Response to one step of a command from steady level flight, and what it is allowed."""
+    """Response to one step of a command from steady level flight, with its requirements."""
 
     channel: Channel  # the commanded channel
     V_a: float  # m/s: airspeed at the start
     size: float  # rad or 1: step of the command
     signals: Mapping[str, FloatArray]  # signals of the plant over time, and ``t`` (s)
-    ended: str  # why the flight ended early; empty if it did not
-    # s and 1: longest time to 90 % and largest overshoot that ``[design]`` asks for
+    ended: str  # reason of an early end; else empty
+    # s and 1: longest time to 90 % and largest overshoot by ``[design]``
     t90_allowed: float = math.inf
     overshoot_allowed: float = math.inf
 
@@ -168,7 +168,7 @@ class StepResponse:
 
     @property
     def met(self) -> bool:
-        """Whether the step is as fast and as well damped as asked."""
+        """Whether the step meets its requirements on speed and damping."""
         fast = self.t90 <= self.t90_allowed
         return fast and self.overshoot <= self.overshoot_allowed and not self.ended
 
@@ -202,7 +202,7 @@ def fly_step(
 
 
 def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
-    """Fly the steps of an aircraft's ``[design]`` at its airspeeds; none without such a table."""
+    """Fly the steps of an aircraft's ``[design]`` at its airspeeds; empty without the table."""
     if (design := config.design) is None:
         return ()
     goals: tuple[tuple[Channel, float, float, float, float], ...] = (
@@ -220,16 +220,16 @@ def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignedAircraft(Drawn):
-    """An aircraft with the inner loop designed for it."""
+    """An aircraft with its designed inner loop."""
 
     config: AircraftConfig  # with its new gains
-    steps: tuple[StepResponse, ...]  # flown with them
-    before: Mapping[str, float]  # gains that the aircraft had, by name; empty without
+    steps: tuple[StepResponse, ...]  # steps flown with them
+    before: Mapping[str, float]  # earlier gains of the aircraft, by name, or empty
 
     @property
     def gains(self) -> InnerLoopGains:
-        """The gains designed."""
-        assert self.config.gains is not None  # a design makes them
+        """The designed gains."""
+        assert self.config.gains is not None  # a design always has gains
         return self.config.gains
 
     @property
@@ -258,12 +258,12 @@ class DesignedAircraft(Drawn):
 def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
     """Design the gains of an aircraft's inner loop, and fly its step responses.
 
-    Gains that it has already do not matter: the same file gives the same design.
+    Existing gains have no effect: the same file gives the same design.
 
     Parameters
     ----------
     aircraft : AircraftConfig, str or Path
-        A shipped aircraft, or the folder of one, whose file has a table [design].
+        A shipped aircraft or the folder of an aircraft, whose file has a table [design].
 
     Returns
     -------
@@ -273,7 +273,7 @@ def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
     Raises
     ------
     InputError
-        If there is no such aircraft, or it does not say what to make the gains for.
+        If there is no such aircraft, or it has no table [design].
     PlantError
         If a slope of the airframe has the wrong sign for this inner loop.
 
@@ -300,14 +300,13 @@ def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
 
 def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float]:
     """Return the gains by name, SI and rad."""
-    # Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
-    # `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
-    # squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
+    # Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0`` with omega =
+    # `roll_error` of the design; the integrator is an order slower than the model. Pitch: a
+    # least-squares fit of the linear step response, with actuator, to two equal real poles. Yaw:
     # damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
-    # Rolling at the rate p without sideslip takes the yaw rate ``r = g/V phi + alpha p``: the
-    # feed-forward of the rudder meets the yaw moment of p, of that r and of the aileron, and
-    # ``r' = g/V p``. Without a rudder its gains are 0. Speed: a first-order loop on the slope of
-    # thrust.
+    # Rolling at the rate p without sideslip needs the yaw rate ``r = g/V phi + alpha p``. The
+    # feed-forward of the rudder compensates the yaw moments of p, r and the aileron, and gives ``r'
+    # = g/V p``. Without a rudder its gains are 0. Speed: a first-order loop on the slope of thrust.
     d = airframe.of
     rudderless = "rudder" not in airframe.slopes["r_dot"]
     for sign, output, by in SIGNS:
@@ -366,8 +365,8 @@ def _n_z_step(
     d, g_over_V = airframe.of, G_0 / airframe.trimmed.V_a
     n_alpha, n_e = d("n_z", "alpha"), d("n_z", "elevator")
     m_alpha, m_q, m_e = d("q_dot", "alpha"), d("q_dot", "q"), d("q_dot", "elevator")
-    # The command is a state that stays constant, so that one matrix exponential steps the loop
-    # exactly. An unstable one is clipped by the caller: the fit must see a number.
+    # The command is a constant state, so that one matrix exponential steps the loop exactly. The
+    # caller clips an unstable response, because the fit needs numbers.
     alpha, q, elevator, n_model, integral, command = range(6)
     A = np.zeros((6, 6))
     n_z = np.zeros(6)
@@ -396,10 +395,10 @@ def _n_z_step(
 
 
 def _gyroscopic(airframe: Airframe, bandwidth: float) -> dict[str, float]:
-    """Gains by which elevator and rudder make up for the moments of a propeller's momentum."""
+    """Gains of elevator and rudder that compensate the gyroscopic moments of a propeller."""
     d = airframe.of
     if not -d("q_dot", "r") * d("r_dot", "q") > (STRONG * bandwidth) ** 2:
-        # These couple pitch and yaw too slowly for the `bandwidth` (rad/s).
+        # The loops with this `bandwidth` (rad/s) do not reject these moments.
         return {}
     gains = -d("q_dot", "r") / d("q_dot", "elevator"), -d("r_dot", "q") / d("r_dot", "rudder")
     return dict(zip(GYROSCOPIC, gains, strict=True))
@@ -410,7 +409,7 @@ def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
     effect, weathercock = -d("r_dot", "rudder"), d("r_dot", "beta")
     side = d("n_y", "beta")
     damping = -d("r_dot", "r") - side * G_0 / airframe.trimmed.V_a
-    # An airframe without weathercock stability gets it from the lateral load factor.
+    # The lateral load factor gives weathercock stability to an airframe without it.
     lacking = max(0.0, MIN_WEATHERCOCK - weathercock)
     stiffness = weathercock + lacking
     goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(stiffness)
@@ -428,7 +427,7 @@ def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
 
 
 def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bool:
-    """Whether sideslip and yaw rate are, behind actuator and accelerometer and with a margin."""
+    """Whether sideslip and yaw rate are stable with actuator, accelerometer and a margin."""
     d, g_over_V = airframe.of, G_0 / airframe.trimmed.V_a
     beta, r, rudder, n_y, integral = range(5)
     side, direct = d("n_y", "beta"), d("n_y", "rudder")

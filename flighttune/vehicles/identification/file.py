@@ -1,7 +1,7 @@
-"""An aircraft's inner loop as it was identified, at one or more flight conditions, and its file.
+"""An aircraft's identified inner loop, at one or more flight conditions, and its file.
 
-The classes are the JSON file too: the keys have the units, and the file is written whole or not at
-all.
+The classes also define the JSON file: the keys have the units, and the file is written whole or not
+at all.
 """
 
 import json
@@ -30,7 +30,7 @@ from flighttune.vehicles.aircraft.aircraft import GAINS_FILE, files_hash, load_a
 
 Channel: TypeAlias = Literal["phi", "n_z", "n_x"]
 
-# Difference of climb that counts like a doubling of airspeed in `nearest`.
+# Difference of climb angle that counts like a doubling of airspeed in `nearest`.
 ANGLE_PER_SPEED = math.radians(60.0)
 
 UNITS = {
@@ -40,7 +40,7 @@ UNITS = {
 
 
 class _Table(BaseModel):
-    """A value that is its file: units in the keys, what is derived from it besides."""
+    """A value that is also its file, with units in the keys and derived values added."""
 
     model_config = ConfigDict(
         frozen=True, extra="ignore", strict=True, validate_by_name=True, serialize_by_alias=True
@@ -48,7 +48,7 @@ class _Table(BaseModel):
 
 
 class LagTable(_Table):
-    """A lag in a file; None for a parameter that its order does not have."""
+    """A lag in a file; None for a parameter that its order lacks."""
 
     order: Order
     natural_frequency_rad_s: q.Bandwidth
@@ -58,7 +58,7 @@ class LagTable(_Table):
 
     @property
     def lag(self) -> InnerLag:
-        """The lag; what its order does not have keeps the default."""
+        """The lag; parameters that its order lacks keep their defaults."""
         return InnerLag(
             order=self.order,
             natural_frequency=self.natural_frequency_rad_s,
@@ -81,15 +81,15 @@ def lag_table(lag: InnerLag) -> dict[str, Any]:
 
 
 class IdentifiedChannel(LagTable):
-    """One channel: the identified lag, and how well it fits."""
+    """One channel: the identified lag and its fit."""
 
-    # %: share of the variance explained on a manoeuvre that was not used for the fit
+    # %: explained share of the variance in a manoeuvre that was not used for the fit
     fit_percent: q.Finite
     residual: q.Finite  # 1: root mean square distance between fitted and measured response
-    # unit of the other channel over that of this one: largest response of the other channel to this
-    # one's command over the band; None where a log cannot tell
+    # unit of the other channel per unit of this channel: largest response of the other channel to
+    # this channel's command over the band; None if a log cannot show it
     cross: q.Finite | None
-    simpler: LagTable  # the best lag of at most second order; the lag itself where that is one
+    simpler: LagTable  # the best lag of at most second order, possibly the lag itself
 
     @classmethod
     def of(
@@ -101,13 +101,13 @@ class IdentifiedChannel(LagTable):
         cross: float | None = None,
         simpler: InnerLag | None = None,
     ) -> "IdentifiedChannel":
-        """The channel of a fit; not checked: rounding may put a lag beyond the range of files."""
+        """The channel of a fit, unchecked: rounding may put a lag beyond the range of files."""
         return cls.model_construct(
             **lag_table(lag),
             fit_percent=fit_percent,
             residual=residual,
             cross=cross,
-            # The best lag of at most second order is by default the lag itself.
+            # The default of the best lag of at most second order is the lag itself.
             simpler=LagTable.model_construct(**lag_table(simpler or lag)),
         )
 
@@ -136,7 +136,7 @@ class IdentifiedCondition(_Table):
 
     @property
     def thrust_lag(self) -> InnerLag:
-        """Lag of n_x; an InputError says that it was not identified."""
+        """Lag of n_x; InputError if it was not identified."""
         if "n_x" not in self.channels:
             raise InputError(
                 "the identified model must have the channel n_x where the airspeed is followed; "
@@ -161,7 +161,7 @@ Interval: TypeAlias = Annotated[tuple[q.Finite, q.Finite], Field(strict=False)]
 
 
 class LogEvidence(_Table):
-    """The logs behind a model identified from them, and the limits that they show."""
+    """The logs of a model identified from them, and limits observed in them."""
 
     logs: Annotated[tuple[str, ...], Field(strict=False)]
     assumed: Annotated[tuple[Channel, ...], Field(strict=False)]  # channels that no log shows
@@ -172,11 +172,11 @@ class LogEvidence(_Table):
     phi_rate_dps: q.Positive
     n_z: Interval
     n_z_rate_per_s: q.Positive
-    # Largest mean over 1 s, in all stretches of 5 s of these logs, of what the lags miss of the
-    # rates of course and path angle; None where the logs cannot tell
+    # Largest 1 s mean of the lags' residual rates of course and path angle, in all stretches of 5 s
+    # of these logs; None if the logs cannot show it
     residual_rad_s: dict[Literal["chi", "gamma"], q.Finite] | None = None
     residual_stretches: int = 0
-    # Channels of which the logs have neither command nor response, so that no limit is seen
+    # Channels without command and response in the logs, and so without observed limits
     limits_assumed: Annotated[tuple[Channel, ...], Field(strict=False)] = ()
 
     @property
@@ -190,20 +190,20 @@ class LogEvidence(_Table):
 
 
 class IdentifiedAircraft(_Table):
-    """An aircraft's inner loop at every condition identified."""
+    """An aircraft's inner loop at every identified condition."""
 
     format: Literal["flighttune identified aircraft 1"] = "flighttune identified aircraft 1"
     aircraft: str
-    seed: int = 0  # of the excitation
-    # Hash of the inner loop's gains; empty where it is not known
+    seed: int = 0  # seed of the excitation
+    # Hash of the inner loop's gains; empty if unknown
     gains: str = Field(alias="gains_sha256", default="")
-    log: LogEvidence | None = None  # of a model identified from logs of real flights
-    # The first is the nominal one
+    log: LogEvidence | None = None  # evidence of a model identified from logs of real flights
+    # The first is the nominal condition
     conditions: Annotated[tuple[IdentifiedCondition, ...], Field(strict=False, min_length=1)]
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What was assumed where no log shows it, a sentence each."""
+        """Assumptions about values that no log shows, one sentence each."""
         if self.log is None:
             return ()
         lags = self.conditions[0].channels
@@ -222,7 +222,7 @@ class IdentifiedAircraft(_Table):
     @computed_field
     @property
     def units(self) -> dict[str, str]:
-        """Units of what has none in its key."""
+        """Units of values without a unit in their key."""
         return UNITS
 
     def save(self, path: str | Path) -> None:
@@ -241,16 +241,16 @@ class IdentifiedAircraft(_Table):
 
 
 class DesignModel(NamedTuple):
-    """The chi/gamma law behind an identified inner loop: what gains are designed on."""
+    """The chi/gamma law behind an identified inner loop, for designing gains."""
 
     model: LinearModel  # states (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma)
     scaling: FloatArray  # (n + 2,): as `flighttune.control.inner_loop.inner_loop_scaling`
     # m/s and rad: airspeed and flight-path angle of the law
     V_a: float
     gamma: float
-    law_model: LinearModel  # of the law alone
-    lags: tuple[InnerLag, ...]  # of roll and load factor, without the delay of the hold
-    whole_lags: tuple[float, ...]  # s: lag and delay of each together, that of the hold too
+    law_model: LinearModel  # model of the law alone
+    lags: tuple[InnerLag, ...]  # lags of roll and load factor, without the delay of the hold
+    whole_lags: tuple[float, ...]  # s: sum of lag and delay of each, including the hold
 
 
 def design_model(
@@ -266,11 +266,10 @@ def design_model(
 ) -> DesignModel:
     """Return the plant of the outer loop: a law, the paper's by default, behind the inner loop.
 
-    `V_a` (m/s) and `gamma` (rad) are by default those of the condition. `hold` (s) is added to the
-    delay of all channels: half the sample time of the controller. With gains that are stated for
-    the airspeed `schedule_speed` and grow with it, the inputs of the law are scaled by
-    ``V_a / schedule_speed``, which is the same loop. An `airspeed` is a third channel, behind the
-    lag of n_x.
+    `V_a` (m/s) and `gamma` (rad) come from the condition by default. `hold` (s), half the sample
+    time of the controller, is added to the delay of all channels. For gains scheduled from the
+    airspeed `schedule_speed`, the inputs of the law are scaled by ``V_a / schedule_speed``, which
+    gives the same loop. `airspeed`: a third channel, behind the lag of n_x.
     """
     V_a = condition.V_a if V_a is None else V_a
     gamma = condition.gamma if gamma is None else gamma
@@ -292,12 +291,12 @@ def design_model(
 
 FILE_NAME = "identified.json"
 
-# Significant digits written: more than a flight gives, fewer than two machines differ in.
+# Significant digits in files: more than a flight determines, fewer than differ between machines.
 DIGITS = 6
 
 EXACT = ("V_a_mps", "h_m")
 
-# Share by which a number may differ from the one that the rounded lags give.
+# Relative tolerance between a number and its value from the rounded lags.
 ROUNDING = 1e-4
 
 
@@ -312,7 +311,7 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
 def save_with_figure(
     aircraft: IdentifiedAircraft, path: Path, result: Drawn
 ) -> dict[str, Path | None]:
-    """Write a model and the figure of its fits, if it has charts, side by side."""
+    """Write a model and, if it has charts, the figure of its fits beside it."""
     sheet = result.sheet()
     figure = path.with_suffix(".svg") if sheet.charts else None
     with together():
@@ -328,16 +327,15 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     Parameters
     ----------
     source : str or Path
-        A JSON file as `identify` saves it, the folder of an aircraft that holds one named
-        ``identified.json``, or the name of a shipped aircraft.
+        A JSON file saved by `identify`, the folder of an aircraft with ``identified.json``, or the
+        name of a shipped aircraft.
 
     Raises
     ------
     InputError
         If there is no such aircraft.
     ScenarioError
-        If the file cannot be read or does not hold an identified aircraft; the message names file
-        and key.
+        If the file cannot be read or is not an identified aircraft; the message names file and key.
 
     Examples
     --------
@@ -373,7 +371,7 @@ def files_of(name: str | None) -> dict[str, str]:
 
 
 def changed_files(known: Mapping[str, str]) -> list[str]:
-    """Names of which `files_of` is no longer what it was, or of which there are none any more."""
+    """Aircraft whose files changed or were deleted since."""
     changed = []
     for name, digest in known.items():
         with suppress(InputError, OSError):
@@ -383,9 +381,9 @@ def changed_files(known: Mapping[str, str]) -> list[str]:
     return changed
 
 
-@lru_cache(maxsize=32)  # every flight behind a reference of shape feasible asks for its lags
+@lru_cache(maxsize=32)  # cached, because every flight with a feasible reference needs its lags
 def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
-    """The identified aircraft of a file, read anew when it was written to."""
+    """The identified aircraft of a file, read again after a change."""
     tables = json_tables(path)
     aircraft = validated(IdentifiedAircraft, tables, path)
     for fault in _contradictions(tables, identified_tables(aircraft)):
@@ -394,7 +392,7 @@ def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
 
 
 def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:
-    """Entries of a file that contradict its lags: its matrices are for other programs."""
+    """Entries of a file that contradict its lags, since its matrices are for other programs."""
     if isinstance(stated, dict) and isinstance(derived, dict):
         for name, value in stated.items():
             inside = f"{key}.{name}".removeprefix(".")
@@ -417,7 +415,7 @@ def _same(stated: Any, derived: Any) -> bool:
 
 
 def rounded(value: Any, digits: int, exact: Sequence[str] = ()) -> Any:
-    """Plain nested values, floats to so many significant digits but for the `exact` keys."""
+    """Plain nested values with floats rounded to significant digits, except for `exact` keys."""
     if isinstance(value, Mapping):
         return {
             key: item if key in exact else rounded(item, digits, exact)

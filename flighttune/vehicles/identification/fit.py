@@ -1,8 +1,8 @@
-"""Flights that identify an inner loop, and lags with a delay fitted to them.
+"""Flights for identifying an inner loop, and lags with a delay fitted to them.
 
-Multisines are flown for the fit, a manoeuvre to check it. Fits to a frequency response and to a
-flight are nonlinear least squares over the same parameters: log frequency (rad/s), delay (s), log
-damping and log lag (s), as many of them as the order needs; the data choose the order.
+Multisines are flown for the fit, and a manoeuvre for validation. Fits to a frequency response and
+to a flight are nonlinear least squares over the same parameters: log frequency (rad/s), delay (s),
+log damping and log lag (s), as far as the order has them. The data choose the order.
 """
 
 import math
@@ -35,16 +35,16 @@ PERIOD = 20.0
 # Frequencies excited, rad/s.
 BAND = 0.3, 20.0
 
-# Frequencies aimed at, shared by the two channels in turn.
+# Target frequencies, which the two channels share alternately.
 LINES = 30
 
-# Largest command as a share of what the magnitude limits leave.
+# Largest command as a share of the room within the magnitude limits.
 PEAK_SHARE = 0.4
 
 # Largest rate of the command as a share of its limit.
 RATE_SHARE = 0.8
 
-# Random phases drawn, of which those that allow the largest amplitude are taken.
+# Number of random phase sets, of which the set with the largest amplitude is used.
 PHASE_DRAWS = 100
 
 # Unit of the 3-2-1-1 steps in roll and load factor, their start, and the duration: s.
@@ -52,17 +52,17 @@ CHECK_UNIT = 0.9, 0.8
 CHECK_START = 1.0, 2.3
 CHECK_DURATION = 12.0
 
-# Rate of n_x that is commanded where the aircraft has no limit on it, 1/s.
+# Rate of n_x commands for an aircraft without a limit, 1/s.
 FASTEST = 2.0
 
-# Attempts, each with half the amplitude of the one before.
+# Number of attempts, each with half the previous amplitude.
 ATTEMPTS = 4
 
 
 def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     """Return one period of multisines inside the limits, no frequency in both channels.
 
-    They are the changes of roll (rad) and load factor (1) at every sample, shape (samples, 2), and
+    Returns the changes of roll (rad) and load factor (1) at every sample, shape (samples, 2), and
     the harmonics of `PERIOD` in each. R. Pintelon and J. Schoukens, *System Identification: A
     Frequency Domain Approach*, 2nd ed., Wiley 2012, chapter 5: random-phase multisines on a
     quasi-logarithmic grid, the channels on interleaved lines so that one experiment shows every
@@ -100,7 +100,7 @@ def thrust_changes(
     plant.start(condition)
     now, least, most = n_x_signals(plant)
     limits = plant.limits
-    # Both keep to a share of what the limits and the throttle leave at the trim.
+    # Both use a share of the room that limits and throttle leave at the trim.
     peak = PEAK_SHARE * min(min(most, limits.upper[2]) - now, now - max(least, limits.lower[2]))
     rate = min(float(limits.rate_upper[2]), FASTEST)
     if not peak > 0.0:
@@ -115,7 +115,7 @@ def thrust_changes(
 
 
 def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
-    """Return the largest changes of (phi, n_z) about level flight, and of their rates, to use."""
+    """Return the largest usable changes of (phi, n_z) about level flight, and of their rates."""
     level = np.array([0.0, 1.0])
     room = np.minimum(limits.upper - level, level - limits.lower)
     rates = np.minimum(limits.rate_upper, -limits.rate_lower)
@@ -152,36 +152,36 @@ def pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
 
 
 def ramped(command: FloatArray, rate: float) -> FloatArray:
-    """The command at every sample, followed at no more than `rate` per second."""
+    """The command at every sample, limited to `rate` per second."""
     ramped = np.zeros_like(command)
     for k in range(1, len(command)):
         ramped[k] = ramped[k - 1] + min(max(command[k] - ramped[k - 1], -rate * DT), rate * DT)
     return ramped
 
 
-# Commands and responses of some channels, and why the flight ended, of one sample.
+# Commands and responses of channels in one sample, and the reason of an end.
 Sample: TypeAlias = tuple[tuple[float, ...], tuple[float, ...], Stop | None]
 
 
 def fly_turn(plant: Plant, _: FlightCondition, change: Sequence[float]) -> Sample:
     """Command roll and load factor for a sample."""
     gamma, phi, n_z = plant.observe()[1:4]
-    # About what holds the present path angle: the flight stays near the trim.
+    # About the command that holds the present path angle, so that the flight stays near the trim.
     command = change[0], math.cos(gamma) / math.cos(phi) + change[1]
     return command, (phi, n_z), plant.advance(*command, DT)
 
 
 def fly_thrust(plant: Any, condition: FlightCondition, change: Sequence[float]) -> Sample:
-    """Command the longitudinal load factor of a plant that takes it for a sample."""
+    """Command the longitudinal load factor of a plant for a sample."""
     _, gamma, phi = plant.observe()[:3]
-    # About what holds the present airspeed and path angle.
+    # About the command that holds the present airspeed and path angle.
     command = (math.sin(gamma) + change[0],)
     lift = math.cos(condition.gamma) / math.cos(phi) + (condition.gamma - gamma)
     return command, n_x_signals(plant)[:1], plant.advance(0.0, lift, DT, *command)
 
 
 def n_x_signals(plant: Plant) -> tuple[float, ...]:
-    """Longitudinal load factor, and the least and most that the throttle gives."""
+    """Longitudinal load factor, with its minimum and maximum by the throttle."""
     first = plant.signals.index(N_X_SIGNALS[0])
     return plant.observe()[first : first + len(N_X_SIGNALS)]
 
@@ -216,33 +216,34 @@ def respond(
 
 SAMPLES = round(PERIOD / DT)
 
-# Starts of the fit in frequency: delays in s; frequency over the corner, damping, lag times it.
+# Starts of the fit in frequency: delays in s; frequency relative to the corner, damping, and lag
+# times frequency.
 START_DELAYS = 0.0, 0.1
 START_SHAPES = (1.0, 0.7, 0.3), (2.0, 0.5, 1.0)
 
-# Distance between responses below which an order does not earn a further parameter.
+# Distance between responses below which a higher order is not justified.
 FINEST = 1e-3
 
 # Starts of the fit in time, rad/s.
 START_FREQUENCIES = 4.0, 12.0
 TIME_STARTS = [(math.log(w), 0.01, 0.0, 0.0) for w in (1.5, *START_FREQUENCIES)]
 
-# In time, the second order is taken where it leaves less than this share of the first's error.
+# In time, the second order is chosen if its error is below this share of the first order's error.
 SECOND_ORDER_GAIN = 0.95
 
-# Range of a command, rad or 1, up to which the channel counts as not commanded.
+# A channel with a smaller range of its command, rad or 1, counts as not commanded.
 SILENT = 1e-6
 
-# Lag of a channel that was not commanded: no data show it, and nothing depends on it.
+# Lag of a channel that was not commanded, which no data show and nothing uses.
 UNEXCITED = InnerLag(order=1, natural_frequency=10.0)
 
-# Relative step, gain and gradient that end the search: the default of 1e-8 leaves a lag whose fifth
-# digit depends on rounding.
+# Relative step, improvement and gradient that end the search; with the default of 1e-8 the fifth
+# digit of a lag would depend on rounding.
 _CONVERGED = 1e-12
 
 Parameters: TypeAlias = tuple[float, float, float, float]
 Bounds: TypeAlias = tuple[Parameters, Parameters]
-Errors: TypeAlias = Callable[[InnerLag], FloatArray]  # response of a lag minus that measured
+Errors: TypeAlias = Callable[[InnerLag], FloatArray]  # response of a lag minus measured response
 
 _FREQUENCY_BOUNDS: tuple[Parameters, Parameters] = (
     (math.log(0.05), 0.0, math.log(0.2), math.log(1e-3)),
@@ -259,8 +260,8 @@ class FrequencyResponse(NamedTuple):
 
     omega: FloatArray  # (lines,), rad/s
     own: npt.NDArray[np.complex128]  # (lines,), 1: from the command of the channel to its response
-    # (lines,), unit of the other channel over that of this one: from the command of the channel to
-    # the response of the other one, beyond the response of the other one to its own command
+    # (lines,), unit of the other channel per unit of this channel: from the command of the channel
+    # to the response of the other channel, beyond the latter's response to its own command
     other: npt.NDArray[np.complex128] | None = None
 
 
@@ -281,12 +282,12 @@ def frequency_responses(
     own = [measured[line, i] / commanded[line, i] for i, line in enumerate(lines)]
     responses = []
     for i, omega in enumerate(omegas):
-        # A held command is a sinc, late by half a sample.
+        # A held command is a sinc with a delay of half a sample.
         hold = np.sinc(omega * DT / (2.0 * math.pi)) * np.exp(-0.5j * omega * DT)
         other = None
         if len(lines) > 1:
-            # The other channel is excited at the lines between these: its answer to its command
-            # is taken off, and what is left is coupling.
+            # The other channel is excited at the lines between these. Its response to its own
+            # command is subtracted, and the rest is coupling.
             j = 1 - i
             magnitude = np.interp(omega, omegas[j], np.abs(own[j]))
             phase = np.interp(omega, omegas[j], np.unwrap(np.angle(own[j])))
@@ -297,7 +298,7 @@ def frequency_responses(
 
 
 def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
-    """Return the best lag of each order, the lowest information criterion first."""
+    """Return the best lag of each order, lowest information criterion first."""
 
     def error(lag: InnerLag) -> FloatArray:
         gap = lag.response(response.omega) - response.own
@@ -326,8 +327,8 @@ def fitted_lag(
     """Return the lag whose response is nearest to `measured`, and the percentage explained."""
     if np.ptp(commanded) <= SILENT:
         return lag or UNEXCITED, math.nan
-    # Samples are evenly spaced, commands are held in between, and the first measured value counts
-    # as at rest.
+    # Samples are evenly spaced, commands are held in between, and the first measured value is at
+    # rest.
     dt = float(t[-1] - t[0]) / (len(t) - 1)
 
     def response(lag: InnerLag) -> FloatArray:
@@ -351,8 +352,8 @@ def fit_percent(measured: FloatArray, model: FloatArray) -> float:
 
 def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
     """Return the exact response of a lag, at rest at `start`, to commands held for `dt` (s)."""
-    # The delay is `whole` samples and a fraction: over each sample the command before it acts for
-    # `late` seconds still, then the one of the sample. Both enter the state at its end.
+    # The delay is `whole` samples and a fraction: in each sample the previous command still acts
+    # for `late` seconds, then the present command. Both enter the state at the sample's end.
     whole = math.floor(lag.delay / dt)
     late = lag.delay - whole * dt
     step, after = transition(lag, dt), transition(lag, dt - late)
@@ -363,8 +364,8 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     states = np.zeros((len(change), lag.order))
     states[1:] = np.outer(change[:-1], new)
     states[2:] += np.outer(change[:-2], old)
-    # Every state is the sum of what entered before, each carried on by a power of `step`: twice as
-    # many samples of it in each pass.
+    # Every state is the sum of earlier inputs, each multiplied by a power of `step`; each pass
+    # doubles the number of samples in the sum.
     passed = 1
     while passed < len(states):
         states[passed:] += states[:-passed] @ step.T
@@ -375,7 +376,7 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
 def best_lag(
     error: Errors, order: Order, starts: Iterable[Parameters], bounds: Bounds
 ) -> tuple[InnerLag, float]:
-    """Lag of the least squares of `error` from the best of `starts`, and the sum of squares."""
+    """Least-squares lag for `error` from the best of `starts`, and the sum of squares."""
     from scipy.optimize import least_squares
 
     lower, upper = (np.array(edge[: order + 1]) for edge in bounds)
@@ -392,13 +393,13 @@ def best_lag(
 
 
 def parameters(lag: InnerLag) -> FloatArray:
-    """Log frequency (rad/s), delay (s), log damping and log lag (s), as the order has them."""
+    """Log frequency (rad/s), delay (s), log damping and log lag (s), as far as they exist."""
     logs = math.log(lag.natural_frequency), lag.delay, math.log(lag.damping), math.log(lag.lag)
     return np.array(logs[: lag.order + 1])
 
 
 def with_parameters(p: FloatArray, order: Order) -> InnerLag:
-    """The lag of an order with `parameters`; a negative delay is taken as none."""
+    """The lag of an order with `parameters`; a negative delay counts as zero."""
     return InnerLag(
         order=order,
         natural_frequency=math.exp(p[0]),
@@ -410,23 +411,23 @@ def with_parameters(p: FloatArray, order: Order) -> InnerLag:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChannelIdentification:
-    """The response of one channel as flown, and the lags fitted to it."""
+    """The flown response of one channel, and the fitted lags."""
 
     frequency: FrequencyResponse
-    candidates: tuple[LagCandidate, ...]  # of every order, the chosen one first
-    # Of the manoeuvre for validation, (samples,)
+    candidates: tuple[LagCandidate, ...]  # lags of every order, the chosen lag first
+    # Signals of the validation manoeuvre, (samples,)
     commanded: FloatArray
     flown: FloatArray
 
     @cached_property
     def fit(self) -> FloatArray:
-        """Response of the chosen lag in the manoeuvre, (samples,)."""
+        """Response of the chosen lag in the validation manoeuvre, (samples,)."""
         change = self.commanded - self.commanded[0]
         return self.flown[0] + lag_response(self.candidates[0].lag, DT, change, 0.0)
 
     @property
     def table(self) -> IdentifiedChannel:
-        """The channel, as its file has it."""
+        """The channel for its file."""
         best, other = self.candidates[0], self.frequency.other
         simpler = next(fit.lag for fit in self.candidates if fit.lag.order < 3)
         cross = None if other is None else float(np.abs(other).max())
@@ -440,25 +441,25 @@ class ChannelIdentification:
 class Identification:
     """Flights at one condition, and the lags identified from them."""
 
-    trim: FlightCondition  # about which was flown
+    trim: FlightCondition  # trim of the flights
     channels: Mapping[Channel, ChannelIdentification]
 
     @cached_property
     def condition(self) -> IdentifiedCondition:
-        """The inner loop at the trim, as its file has it."""
+        """The inner loop at the trim, for its file."""
         channels = {name: channel.table for name, channel in self.channels.items()}
         V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
         return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)
 
 
-# Periods flown: in the first the transient of the start decays.
+# Number of flown periods; the transient of the start decays in the first.
 PERIODS = 2
 
 
 def _channels(
     experiment: tuple[FloatArray, FloatArray], lines: Lines, check: tuple[FloatArray, FloatArray]
 ) -> list[ChannelIdentification]:
-    """The channels of an experiment, checked in a manoeuvre."""
+    """The channels of an experiment, validated in a manoeuvre."""
     return [
         ChannelIdentification(frequency=f, candidates=candidates(f), commanded=command, flown=flown)
         for f, command, flown in zip(
@@ -481,7 +482,7 @@ def identify_plant(
 def identify_thrust(
     plant_factory: Callable[..., JSBSimPlant], condition: FlightCondition, *, seed: int = 0
 ) -> ChannelIdentification:
-    """Identify the third channel, n_x, about a trim; a PlantError says that it cannot be flown."""
+    """Identify the third channel, n_x, about a trim; PlantError if it cannot be flown."""
     fresh = partial(plant_factory, takes_n_x=True)
     changes, lines, check = thrust_changes(fresh(), condition, seed)
     experiment = respond(fresh, condition, np.tile(changes, (PERIODS, 1)), fly_thrust)

@@ -1,4 +1,4 @@
-"""Identification of an inner loop at one condition or at several, and the figure that shows it."""
+"""Identification of an inner loop at one or several conditions, and its figure."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -26,15 +26,15 @@ from flighttune.vehicles.plants.jsbsim.linearize import linearize, modes
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.jsbsim.trim import level
 
-# Share of the variance, in percent, that the lags of a channel should explain.
+# Required explained share of the variance by the lags of a channel, percent.
 GOOD_FIT = 90.0
 
-# Gain of the inner loop that holds the airspeed it was designed for.
+# Inner-loop gain that stores the design airspeed.
 DESIGN_SPEED = "V_a-design-mps"
 
 
 def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
-    """The identifications with lags of one order a channel, the best over all of them."""
+    """The identifications with one order of lag per channel, the best over all conditions."""
     # Models of one structure can be mixed, and one Lyapunov function can cover them all.
     chosen: list[dict[model_file.Channel, ChannelIdentification]] = [{} for _ in identifications]
     for name in identifications[0].channels:
@@ -52,13 +52,13 @@ def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identifica
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AircraftIdentification(Drawn):
-    """Identification of an aircraft, and of its airframe without the inner loop."""
+    """Identification of an aircraft, and of its airframe without inner loop."""
 
     identified: model_file.IdentifiedAircraft  # content of a model file
     conditions: tuple[Identification, ...]  # the flights, condition by condition
-    skipped: tuple[str, ...]  # why a requested condition is missing: one sentence each
-    modes: Sequence[Mapping[str, Any]]  # of the airframe alone about the first condition
-    folder: Path  # of the aircraft
+    skipped: tuple[str, ...]  # reasons for missing conditions, one sentence each
+    modes: Sequence[Mapping[str, Any]]  # modes of the airframe alone about the first condition
+    folder: Path  # folder of the aircraft
 
     @property
     def place(self) -> str:
@@ -74,7 +74,7 @@ class AircraftIdentification(Drawn):
 
 
 def design_speed(config: AircraftConfig) -> float:
-    """Airspeed (m/s) the inner loop was designed for; mid-envelope where it does not say."""
+    """Design airspeed (m/s) of the inner loop; mid-envelope if unknown."""
     low, high = config.envelope.V_a
     speed = config.gains.gains.get(DESIGN_SPEED, 0.0) if config.gains else 0.0
     return speed if low < speed < high else 0.5 * (low + high)
@@ -91,8 +91,8 @@ def identify_aircraft(
     """Identify the inner loop of an aircraft at each airspeed (m/s) with each path angle (rad)."""
     plant = JSBSimPlant(aircraft)
     fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
-    # Conditions without steady flight are left out and listed. The lags of a channel are of one
-    # order, the one that suits all conditions together.
+    # Conditions without steady flight are left out and listed. The lags of a channel have one
+    # order, which fits all conditions best together.
     for v, g in product(tuple(V_a) or (design_speed(plant.config),), tuple(gamma) or (None,)):
         try:
             point = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
