@@ -120,7 +120,8 @@ class Flyer:
         except OSError as error:
             self._scratch.cleanup()
             got = reason_of(error)
-            raise PlantError(f"the process that flies must start, got: {got}.") from error
+            place = error.filename or sys.executable
+            raise PlantError(f"{place}: the process that flies must start, got: {got}.") from error
         finally:
             theirs.close()
 
