@@ -69,8 +69,9 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert claim.contains(run.signals)
     assert claim.fences == ([[lon, lat] for lat, lon in [*AREA, AREA[0]]],)
     text, shown = page.read_text(), ("Map", "Height over the start", "certainly inside")
-    for words in (*shown, "ground", "rally", "leg", "fence"):
+    for words in (*shown, "ground", "rally", "leg", "fence", "<h2>Map, heights and corridor"):
         assert words in text, words
+    assert "<h1>Mission &#34;m&#34;<" in text
     assert ft.load(out).sentence in flighttune("verify", out, "--count", 1)[0].replace("\n", " ")
 
 

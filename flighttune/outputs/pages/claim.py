@@ -61,6 +61,7 @@ class Parts:
     notes: Sequence[str]
     tables: Sequence[Table]
     charts: Sequence[Chart] = ()
+    heading: str = ""  # of the charts, instead of "Responses"
     changed: Sequence[str] = ()  # notes for the charts
     facts: Mapping[str, str] = field(default_factory=dict)  # rows of its provenance
     texts: Mapping[str, str] = field(default_factory=dict)  # source files
@@ -109,7 +110,7 @@ def write_claim_page(
         title=parts.title,
         summary=parts.sentences,
         parts={
-            "responses": Section(note=parts.changed, charts=parts.charts),
+            "responses": Section(title=parts.heading, note=parts.changed, charts=parts.charts),
             "flown": Section(tables=drawn),
             "claim": Section(note=parts.notes, tables=others),
         },

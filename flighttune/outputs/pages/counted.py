@@ -221,7 +221,8 @@ def band(claim: Band, asked: Asked) -> Parts:
         tables.append(turning.tables[0])
     return replace(
         parts,
-        title=f"Mission {quoted(claim.about.plan['campaign']['title'])}",
+        title=f"Mission {quoted(claim.flights.scenario.title)}",
+        heading="Map, heights and corridor",
         sentences=(asked.said or answer).summary,
         notes=[*notes, *how_to_read(claim)],
         tables=tables,

@@ -40,7 +40,8 @@ class Section:
         return tuple(sentence(part) for note in self.note for part in SENTENCES.split(note))
 
 
-# Parts of an answer's page, in this order: anchor, title, whether it is open at first.
+# Parts of an answer's page, in this order: anchor, title unless the part has its own, whether it is
+# open at first.
 PARTS = (
     ("accuracy", "Accuracy", True),
     ("requirements", "Requirements", True),
@@ -130,8 +131,12 @@ def write_answer(
 ) -> Report:
     """Write the page of an answer: a sentence, the existing `parts`, and how to repeat it."""
     # Parts that are not in `PARTS` come last.
-    names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
-    ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]
+    names = {
+        key: {"id": key, "title": parts[key].title or name, "open": seen}
+        for key, name, seen in PARTS
+        if key in parts
+    }
+    ordered = [*names, *(x for x in parts if x not in names)]
     return write_page(
         Path(path),
         page_template("flighttune.outputs.pages", "answer.html.jinja"),
