@@ -204,7 +204,7 @@ class Desk:
                 flown.append(Flown(fly(plan.scenario_of(number))))
             search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
         self._cloud = self._key(values), flown
-        return f"{AIRCRAFT} that differ are drawn.", {}
+        return f"{AIRCRAFT} are drawn.", {}
 
     def _count(self, scenario: Scenario, values: Any, search: Search) -> tuple[str, Found]:
         """Count the corridor of a mission, and the odds of leaving its fence, in the page's air."""
