@@ -33,6 +33,7 @@ from flighttune.flight.load import as_scenario, chosen_entry
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.identification.file import DesignModel, files_of
 from flighttune.vehicles.plant_keys import flown_aircraft
+from flighttune.vehicles.plants.navigation import Grade, Navigation
 
 
 def tune(
@@ -152,6 +153,7 @@ def certify(
     envelope: bool = False,
     L_d: RadiansPerSecond2 | None = None,
     lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
+    navigation: Grade | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Certification:
     """Certify the rate of gains on a linear model, and their ultimate radius under a disturbance.
@@ -176,6 +178,9 @@ def certify(
     lag : two numbers, or two of each channel, s, optional
         Smallest and largest lag of the inner loop: a rate is proven for all lags between them,
         constant or changing. Delays come from [tuning].
+    navigation : "rtk", "standard" or "poor", optional
+        Also bound the true errors that errors of the estimates of this grade cause at the trim: the
+        peak gain, the L1 norm of the impulse response, times three standard deviations.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
@@ -203,17 +208,20 @@ def certify(
     'certified'
     """
     if isinstance(source, LinearModel):
-        if not isinstance(gains, PIGains) or envelope or lag is not None:
-            raise InputError("`gains` must be given for a model, and `envelope` and `lag` not.")
+        if not isinstance(gains, PIGains) or envelope or lag is not None or navigation:
+            raise InputError(
+                "`gains` must be given for a model, and `envelope`, `lag` and `navigation` not."
+            )
         return certify_model(source, gains, L_d=L_d, rates=exact_rates(source, gains)[0])
     entry = chosen_entry(source, gains, changes)
     scenario, law, name, chosen = entry.scenario, entry.law, entry.name, entry.found_gains
     if isinstance(gains, PIGains):  # numbers do not name their law
         law = scenario.law_for(gains)
     if not law.by_gains:
-        if envelope or lag is not None:
+        if envelope or lag is not None or navigation:
             raise InputError(
-                f"`envelope` and `lag` must be absent for {name}, whose law has no linear model."
+                f"`envelope`, `lag` and `navigation` must be absent for {name}, whose gains are of "
+                "a law of its own."
             )
         if (linear := models.linear_loop(entry.bound("law"))) is None:
             raise InfeasibleError(
@@ -223,7 +231,7 @@ def certify(
             *linear, L_d=L_d, scenario_sha256=scenario.sha256, rates=exact_rates(*linear)[0]
         )
         return replace(certification, name=name)
-    options = {"envelope": envelope, "L_d": L_d, "law": law, "lag": lag}
+    options = {"envelope": envelope, "L_d": L_d, "law": law, "lag": lag, "navigation": navigation}
     return replace(certify_scenario(scenario, chosen, **options, full=True), name=name)
 
 
@@ -247,6 +255,7 @@ def certify_scenario(
     L_d: float | None = None,
     law: Law | None = None,
     lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
+    navigation: Grade | None = None,
     full: bool = False,
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or why there is none.
@@ -276,6 +285,10 @@ def certify_scenario(
         late = models.late_ranges(scenario, law, lag, everywhere)
         boxes, why = lag_boxes([model, *(design.law_model for design in everywhere)], gains, *late)
     whole: dict[str, Any] = {"over_envelope": envelope, "scaling": scaling}
+    if navigation:
+        known, rate = Navigation.of(navigation), scenario.controller.rate_hz
+        sd = known.path_sd(1.0 / rate, scenario.flight.V_a_mps)[: len(model.errors)]
+        whole |= {"navigation": navigation, "estimate_sd": sd}
     if why and lag is not None:
         return Certification(status="refused", reason=why, model=model, gains=gains, **whole)
     certification = certify_model(
@@ -288,6 +301,7 @@ def certify_scenario(
         scenario_sha256=scenario.sha256,
         rates=proven,
         boxes=boxes,
+        estimates=navigation is not None,
     )
     certificate = certification.certificate
     if certificate is not None and settings.model == "identified":

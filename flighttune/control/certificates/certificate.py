@@ -312,6 +312,12 @@ class Certificate(Answering):
             words += ", where lags and commands count by the rate that they cause"
         for error, box in zip(self.gains.errors, self.boxes, strict=False):
             words += f"; {box.sentence(error)}"
+        if self.peak_gains is not None:
+            words += "".join(
+                f"; estimates that err by at most n put {error} off by at most "
+                f"{gain + 0.0005:.3f} n, at the trim"
+                for error, gain in zip(self.model.errors, self.peak_gains.sum(axis=1), strict=True)
+            )
         if claim.radius is None or claim.L_d is None:
             return words
         return (

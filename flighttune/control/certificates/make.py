@@ -32,6 +32,9 @@ from flighttune.control.theory.indicators import Indicators, indicators
 MAX_L_D = 1e6
 
 
+# Deviations of an estimate that its peak gain is given for.
+SIGMAS = 3.0
+
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]
 
@@ -64,6 +67,10 @@ class Certification(Answering):
         covers the model alone or holds everywhere.
     scaling : ndarray, shape (n + p,), or None
         Units of state in which the gains were tuned; None for plain units.
+    navigation : str
+        Grade of the estimates that the peak gains of the certificate were asked for; or empty.
+    estimate_sd : tuple of float, length p, or None, unit of the errors
+        Standard deviation of each estimate of that grade.
     absent : str
         Why the sampled loop has no exact rate, or the identified conditions no box of lags; empty
         if they have, or if none was requested.
@@ -87,6 +94,8 @@ class Certification(Answering):
     g: float | None = None
     largest_factor: float | None = None
     scaling: FloatArray | None = None
+    navigation: str = ""
+    estimate_sd: tuple[float, ...] | None = None
     absent: str = ""
 
     @property
@@ -107,12 +116,23 @@ class Certification(Answering):
         """
         values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
         values |= {"status": self.status, "reason": self.reason}
-        values |= {"conditions": [], "checks": [], "exact_rates": [], "boxes": []}
+        values |= {"conditions": [], "checks": [], "exact_rates": [], "boxes": [], "estimates": []}
         values["in_words"] = self.in_words
         if self.certificate is not None and self.verification is not None:
             values |= self.certificate.values | pick(self.certificate, "growth")
             values["checks"] = [asdict(check) for check in self.verification.checks]
+            values["estimates"] = self._estimates(self.certificate)
         return values
+
+    def _estimates(self, certificate: Certificate) -> list[dict[str, Any]]:
+        """Each error: three deviations of its estimate, and the true error that they may cause."""
+        if certificate.peak_gains is None or self.estimate_sd is None:
+            return []
+        largest = SIGMAS * np.array(self.estimate_sd)
+        bounds = certificate.peak_gains @ largest
+        columns = self.model.errors, largest, certificate.peak_gains.diagonal(), bounds
+        names = "error", "estimate_rad", "peak_gain", "error_rad"
+        return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def certify_model(

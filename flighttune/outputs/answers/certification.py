@@ -17,6 +17,7 @@ ANY_ENVELOPE = (
     "everywhere."
 )
 INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
+ESTIMATE_COLUMNS = columns("error estimate_rad peak_gain error_rad", of="estimates")
 CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", of="certificate")
 
 
@@ -47,6 +48,11 @@ def answer(certification: Certification) -> Answer:
             margins_table(loop_margins(certification.model, certification.gains)),
             Table(CERTIFICATE_COLUMNS, [{**values, **factor}], "certificate"),
             *proof_tables(values),
+            Table(
+                ESTIMATE_COLUMNS,
+                values["estimates"],
+                f"estimates of grade {certification.navigation}",
+            ),
         ],
         notes=notes(certification),
         verdict=f"proven: {proven.sentence}" if proven else f"no certificate: {why}",

@@ -161,6 +161,17 @@ class Navigation:
         columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
         return np.stack(columns, axis=1)
 
+    def path_sd(self, dt: float, V_a: float) -> tuple[float, float, float]:
+        """Deviations of the estimated course and path angle (rad), and relative one of airspeed.
+
+        They are those just before a fix at an airspeed of `V_a` (m/s), of an estimator that has run
+        for long.
+        """
+        level, vertical = axes(replace(self, seed=0), dt)
+        across, up = (math.sqrt(axis.covariance[1, 1]) for axis in (level, vertical))
+        airspeed = math.hypot(self.airspeed_scale_sd * V_a, self.airspeed_sd, self.airspeed_noise)
+        return across / V_a, up / V_a, airspeed / V_a
+
     def wind_share(self, dt: float) -> float:
         """Share of the wind of a sample in its estimate."""
         return dt / (self.wind_lag + dt)

@@ -74,3 +74,30 @@ def test_the_file_verifies_and_a_smaller_gain_is_refused_by_its_name(certified):
 def test_gains_of_a_certificate_are_of_the_number_of_its_errors(certified):
     with pytest.raises(ft.InputError, match="`peak_gains` must have shape"):
         replace(certified, peak_gains=np.ones((1, 2)))
+
+
+def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate():
+    """0.0657 m/s across at 25 m/s is 0.15 deg, by the covariance recursion of the navigation."""
+    changes = {"tuning.model": "identified"}
+    certified = ft.certify(
+        "mission", "exact:tuned_fed_back", navigation="standard", changes=changes
+    )
+
+    chi, _ = certified.answer().values["certificate"]["estimates"]
+
+    assert np.rad2deg(chi["estimate_rad"]) == pytest.approx(3.0 * 0.1506, rel=0.01)
+    assert chi["error_rad"] == pytest.approx(1.23 * chi["estimate_rad"], rel=0.002)
+    assert "put chi off by at most 1.231 n" in certified.certificate.sentence
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        (MODEL, "`envelope`, `lag` and `navigation` not"),
+        ("mission", "`navigation` must be 'rtk'"),
+    ],
+)
+def test_estimates_of_what_has_no_speed_or_grade_are_refused(source, words):
+    grade = "standard" if source is MODEL else "exact"
+    with pytest.raises(ft.InputError, match=words):
+        ft.certify(source, ft.PAPER_GAINS, navigation=grade)
