@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -11,11 +11,13 @@ from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linprog
 
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG
+from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import measured_in
@@ -59,6 +61,8 @@ KEPT = (
     "replaces that."
 )
 
+STARTS = "The start is {}, the nearest of {}; {} were tried too."
+
 # Margins of the linear loop that are required unless the scenario states others
 MARGINS: dict[str, Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
 
@@ -84,6 +88,12 @@ DRAWS, COUNTED = 32, 200
 # Each restart has twice as much of both, up to steps by `MAX_SPREAD`.
 POPULATION = 12
 SPREAD, MAX_SPREAD = 1.0, 4.0
+
+# Most moves of a descent by slopes; the first and the largest, in the logarithm of the gains, and
+# their factor where nothing better is found; the step of differences, the shares of a move that are
+# flown, and what a move costs, which keeps it short.
+MOVES, REACH, MAX_REACH, SHORTER = 8, 0.8, 1.6, 0.25
+STEP, SHARES, COST = 0.1, (1.0, 0.5, 0.25), 1e-3
 
 # Generations without a gain of `GAIN` of the objective after which a descent ends
 STALLED, GAIN = 8, 2e-3
@@ -307,6 +317,8 @@ class Search:
         trials = self.fly(varied[: max(0, int((budget - self.flights) // self.each))])
         ranked = [trial.gains for trial in sorted(trials, key=self.value)]
         spread, population, start = SPREAD, POPULATION, self.best().gains
+        if self.draws == 1 and self._follow_slopes(self.best(), budget).met:
+            start = self.best().gains  # where slopes lead nowhere, they may have led into a corner
         for restart in range(2 * len(ranked)):
             if self.flights + population * self.each > budget:
                 population = POPULATION  # what is left of the budget is not left lying
@@ -318,31 +330,57 @@ class Search:
             spread, population = min(2.0 * spread, MAX_SPREAD), 2 * population
             start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
 
+    def _follow_slopes(self, best: Trial, end: float) -> Trial:
+        """Reduce the largest excess by its slopes, up to `end` flights, as long as that helps."""
+        free, reach = self._free(best.gains), REACH
+        for _ in range(MOVES):
+            if best.worst.max() <= -self.wanted or reach < FINEST:
+                break
+            x, excess = free.logarithms(best.gains), self._excesses(best)
+            if self.flights + (len(x) + len(SHARES)) * self.each > end:
+                break
+            steps = np.where(x + STEP > free.top, -STEP, STEP)
+            beside = self.fly([free.gains(x + step) for step in np.diag(steps)])
+            changes = [self._excesses(trial) - excess for trial in beside]
+            # What has no value, here or there, has no slope.
+            valued = excess < LOST
+            slopes = np.where(np.abs(changes) < 0.5 * LOST, changes, 0.0).T / steps
+            move = _least_worst(excess[valued], slopes[valued], -self.wanted, reach, free.top - x)
+            ahead = self.fly([free.gains(x + share * move) for share in SHARES])
+            nearest = min(beside + ahead, key=self.value)
+            if self.value(nearest) >= self.value(best):
+                reach *= SHORTER
+            else:
+                best, reach = nearest, min(2.0 * reach, MAX_REACH)
+        return best
+
+    def _excesses(self, trial: Trial) -> FloatArray:
+        """Excess over each requirement of one draw, and over that on R_K."""
+        kept = 1.0 - self.R_K(trial.gains) / self.least_R_K if self.least_R_K else -LOST
+        return np.append(trial.excess[0], kept)
+
+    def _free(self, gains: PIGains) -> "Free":
+        """The gains that a search changes: those that are not 0."""
+        assert self._problem.K_max is not None
+        return Free(gains, self._problem.K_max)
+
     def _descend(self, start: PIGains, end: float, spread: float, population: int) -> None:
         """Search from gains, up to `end` flights of this search; gains that are 0 stay so."""
         warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
         import cma
 
         # Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
-        K, largest = start.K, self._problem.K_max
-        assert largest is not None
-        free = K != 0.0
-        signs = np.sign(K[free])
-        top = np.log(largest[free])
+        free = self._free(start)
         seed = self._problem.seed + 1 + self.flights  # 0 is the time of day
         settings: dict[str, Any] = {"popsize": population, "seed": seed, "tolx": FINEST}
-        settings |= {"bounds": [None, top.tolist()], "verbose": -9}
-        first = np.minimum(np.log(np.abs(K[free])), top)
-        strategy = cma.CMAEvolutionStrategy(first, spread, settings)
+        settings |= {"bounds": [None, free.top.tolist()], "verbose": -9}
+        strategy = cma.CMAEvolutionStrategy(free.logarithms(start), spread, settings)
         least, stalled = math.inf, 0
         while not strategy.stop() and stalled < STALLED:
             if self.flights + population * self.each > end:
                 return
-            asked, candidates = strategy.ask(), []
-            for x in asked:
-                K[free] = signs * np.exp(x)
-                candidates.append(_of_matrix(start, K))
-            values = [self.value(trial) for trial in self.fly(candidates)]
+            asked = strategy.ask()
+            values = [self.value(trial) for trial in self.fly([free.gains(x) for x in asked])]
             strategy.tell(asked, values)
             stalled = 0 if min(values) < least - GAIN else stalled + 1
             least = min(least, *values)
@@ -366,6 +404,38 @@ class Search:
                 "alone": trials[alone].checks[0][i].value,
                 "beside": trials[beside].checks[0][i].value if others.any() else None,
             }
+
+
+class Free:
+    """The gains of a set that are not 0, by their logarithms."""
+
+    def __init__(self, gains: PIGains, largest: FloatArray) -> None:
+        self._gains, self._at = gains, gains.K != 0.0
+        self._signs = np.sign(gains.K[self._at])
+        self.top = np.log(largest[self._at])
+
+    def logarithms(self, gains: PIGains) -> FloatArray:
+        """Logarithms of their sizes, no larger than `top`."""
+        return np.minimum(np.log(np.abs(gains.K[self._at])), self.top)
+
+    def gains(self, x: FloatArray) -> PIGains:
+        """The set with these logarithms."""
+        K = self._gains.K
+        K[self._at] = self._signs * np.exp(x)
+        return _of_matrix(self._gains, K)
+
+
+def _least_worst(
+    excess: FloatArray, slopes: FloatArray, enough: float, reach: float, room: FloatArray
+) -> FloatArray:
+    """The shortest move by which the largest excess becomes least, or `enough`, by its slopes."""
+    # A linear program of the moves up and down, and of the largest excess.
+    n = len(room)
+    cost = np.append(np.full(2 * n, COST), 1.0)
+    rows = np.hstack([slopes, -slopes, -np.ones((len(excess), 1))])
+    bounds = [*((0.0, min(reach, x)) for x in room), *((0.0, reach),) * n, (enough, None)]
+    found = linprog(cost, A_ub=rows, b_ub=-excess, bounds=bounds)
+    return found.x[:n] - found.x[n : 2 * n]
 
 
 def stated(check: BoundCheck) -> dict[str, Any]:
@@ -416,8 +486,7 @@ def meet(
     also : sequence of Scenario, str or Path
         Other scenarios whose requirements the same gains must meet; none with a campaign.
     start : PIGains or str, optional
-        Gains to start from, also by name or file, by default the best of the tuned ones and the
-        scenario's.
+        Gains to start from, also by name or file, by default the scenario's and the tuned ones.
     budget : int, optional
         Maximum number of flights, with those of the count on fresh draws, by default 600, or 6000
         with a campaign.
@@ -495,12 +564,14 @@ def meet(
         pool.progress.budget = budget
         search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
         trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
-        first = min(trials, key=lambda name: search.value(trials[name]))
-        search.wanted = max(WANTED, -float(trials[first].worst.max()))
-        if search.keep_R_K(trials[first]):
-            notes = (*notes, KEPT.format(first))
+        first, note = _first(scenarios[0], trials, search.value)
+        met = first if trials[first].met else min(trials, key=lambda x: search.value(trials[x]))
+        search.wanted = max(WANTED, -float(trials[met].worst.max()))
+        notes = (*notes, *note)
+        if search.keep_R_K(trials[met]):
+            notes = (*notes, KEPT.format(met))
         # Margins beyond those wanted are worth nothing on a campaign: what is not asked for pays.
-        if dispersed is None or trials[first].worst.max() > -WANTED:
+        if dispersed is None or trials[met].worst.max() > -WANTED:
             search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
         flown_start, counted, worst = trials[first], None, None
@@ -552,6 +623,18 @@ def _stated_start(
         return {}, scenario.gains_notes()
     begun = load.chosen_entry(scenario, start)
     return {begun.name: begun.found_gains}, begun.scenario.gains_notes(gains=begun.name)
+
+
+def _first(
+    scenario: Scenario, trials: Mapping[str, Trial], value: Callable[[Trial], float]
+) -> tuple[str, tuple[str, ...]]:
+    """The start with which what is found is compared, and a note of why it is that."""
+    own = [x for x in map(scenario.listed_as, scenario.gain_names) if x in trials]
+    first = min(own or trials, key=lambda name: value(trials[name]))
+    whose = "the gains that the scenario flies" if own else "the tuned gains"
+    others = [name for name in trials if name != first]
+    note = STARTS.format(first, whose, listed(others))
+    return first, (note,) if others else ()
 
 
 def _law_by_gains(scenario: Scenario) -> LawTable:

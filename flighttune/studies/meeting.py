@@ -71,7 +71,8 @@ class Meeting(Answering):
     gains : PIGains
         The best ones, even if they miss a requirement.
     start, start_gains : str, PIGains
-        Name of the best gains of the start, and those.
+        Name of the gains with which those found are compared, the nearest of those that the
+        scenario flies, and those.
     start_met : bool
         Whether those meet all requirements already.
     flights, candidates : int

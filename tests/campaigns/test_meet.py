@@ -211,6 +211,30 @@ def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     assert flown(required, gains).claim.verdict == values["status"].replace("missed", "not met")
 
 
+def test_slopes_meet_requirements_in_few_flights():
+    """The simplex of Nelder and Mead over flights takes some 260 (benchmarks/bench_meet.py)."""
+    aircraft = {"kind": "jsbsim", "aircraft": "aerosonde"}
+    tight = scenario(
+        at_most(MO_deg=1.0, settling_s=4.5), at_most("gamma", MO_deg=1.0), plant=aircraft
+    )
+
+    values, gains, trials = searched(tight, start="tuned_identified", budget=60)
+
+    assert next(i for i, trial in enumerate(trials) if trial.met) < 40
+    assert (values["status"], values["start_met"]) == ("met", False)
+    assert flown(tight, gains).claim.verdict == "met"
+
+
+def test_the_start_is_what_the_scenario_flies_and_the_others_are_named():
+    slack = scenario(at_most(MO_deg=60.0), gains=["tuned_fed_back"], law="exact")
+
+    meeting = ft.meet(slack, budget=8, workers=1)
+
+    assert (meeting.start, meeting.start_met) == ("tuned_fed_back", True)
+    note = "The start is tuned_fed_back, the nearest of the gains that the scenario flies; tuned"
+    assert any(said.startswith(note) for said in meeting.notes)
+
+
 @pytest.mark.soak
 def test_the_answer_does_not_depend_on_the_workers(overshoot, met):
     assert repr(searched(overshoot, workers=2)[:2]) == repr(met[:2])
