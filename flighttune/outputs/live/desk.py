@@ -37,6 +37,9 @@ from flighttune.routes.fence import Fence, fence_tables, read_fence
 # Flights kept in memory, ghosts of a page, windows told apart, and aircraft that differ.
 MAX_FLOWN, MAX_GHOSTS, MAX_WINDOWS, AIRCRAFT = 12, 5, 50, 20
 
+# Longest wait for a search that was stopped, s.
+END_S = 10.0
+
 # Flights of a search by default.
 BUDGET = 400
 
@@ -176,6 +179,12 @@ class Desk:
     def stop(self, _asked: Mapping[str, Any] | None = None) -> None:
         """Stop the search that is under way."""
         self.search.stopped = True
+
+    def close(self) -> None:
+        """Stop the search that is under way, and wait until its processes have ended."""
+        self.stop()
+        if self._searching.acquire(timeout=END_S):
+            self._searching.release()
 
     def _tune(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
         result = tune(scenario)

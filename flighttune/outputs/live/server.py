@@ -89,7 +89,7 @@ class Server:
 
     def close(self) -> None:
         """Stop what is under way, and end."""
-        self.desk.stop()
+        self.desk.close()
         self._server.should_exit = True
         self._thread.join(START_S)
         self._socket.close()

@@ -1,11 +1,13 @@
 """`flighttune open`: an address is printed soon, and Ctrl-C ends the page and what it flies."""
 
+import json
 import re
 import signal
 import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.request
 
 import psutil
@@ -13,7 +15,7 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-COMMAND = [sys.executable, "-u", "-m", "flighttune", "open", "paper_as_printed"]
+COMMAND = [sys.executable, "-u", "-m", "flighttune", "open", "level_turn"]
 LONGEST_S = 120.0
 
 
@@ -50,4 +52,23 @@ def test_a_signal_ends_the_page(opened, number):
     assert running.wait(LONGEST_S) == 0
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", port)) != 0
+    assert not any(child.is_running() for child in children)
+
+
+@pytest.mark.soak
+def test_a_signal_ends_the_processes_of_a_search_too(opened):
+    running, line = opened
+    url, port = re.search(r"open (http://127\.0\.0\.1:(\d+)/[\w-]+/)", line).groups()
+    asked = {"doing": "meet", "window": "w", "values": {}}
+    headers = {"Origin": f"http://127.0.0.1:{port}", "Content-Type": "application/json"}
+    begin = urllib.request.Request(f"{url}begin", json.dumps(asked).encode(), headers)
+    with urllib.request.urlopen(begin, timeout=LONGEST_S) as answer:
+        assert json.load(answer) is None
+    children = []
+    while not children:
+        children = psutil.Process(running.pid).children(recursive=True)
+        assert running.poll() is None
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    assert running.wait(LONGEST_S) == 0
     assert not any(child.is_running() for child in children)
