@@ -148,8 +148,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         after 126, of which one may be outside. It ends sooner if a no is certain.
     until_sure : bool
         Count until it is sure whether a flight leaves the fence with a probability of at most
-        epsilon, by a rule that is valid at any number of flights. There is no planned number and no
-        corridor. A clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
+        epsilon, by a rule that is valid at any number of flights. It plans no number and no
+        corridor: a clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
         default 208.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default

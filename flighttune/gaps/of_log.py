@@ -75,7 +75,7 @@ class Factor(NamedTuple):
     def unidentifiable(self, value: float, low: float, high: float) -> str:
         """Why a log cannot identify the factor, from its best value and interval; else empty."""
         if not math.isfinite(high - low):
-            return "changes of it change nothing that the others do not"
+            return "a change of it has the same effect as changes of the others"
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.at_end(value):
             return f"the best fit is at an end of its range, {self.low:g} to {self.high:g}{unit}"
@@ -218,14 +218,15 @@ class _Flights:
         """Drop a factor from the fit, which the log cannot identify: it keeps its nominal value."""
         factor = FACTORS[name]
         self.notes.append(
-            f"The log cannot tell {factor.title}: {why}; it is taken as {self.nominal.pop(name):g}."
+            f"The log cannot identify {factor.title}: {why}; "
+            f"it is taken as {self.nominal.pop(name):g}."
         )
 
     def _leave(self, *names: str, why: str) -> None:
         for name in names:
             del self.nominal[name]
         causes = " and ".join(dict.fromkeys(FACTORS[name].title for name in names))
-        self.notes.append(f"Not looked for: {causes}, because {why}.")
+        self.notes.append(f"Not fitted: {causes}, because {why}.")
 
     def _keep_flyable(self) -> None:
         """Drop the stretches that the aircraft cannot start."""

@@ -166,7 +166,7 @@ def test_a_factor_without_an_effect_of_its_own_has_no_interval():
         ("mass", (1.0, 0.9, 1.1), ""),
         ("mass", (0.7, 0.1, 1.3), "its interval at 95 %, 0.3 to 1.3, holds 1 and is too wide"),
         ("phi_late", (1.98, 1.9, 2.1), "the best fit is at an end of its range, -1 to 2 s"),
-        ("damping", (1.0, -math.inf, math.inf), "changes of it change nothing"),
+        ("damping", (1.0, -math.inf, math.inf), "a change of it has the same effect"),
     ],
 )
 def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
