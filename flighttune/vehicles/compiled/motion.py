@@ -23,7 +23,7 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 _NEAR, _TRIED = ((2, 2), (4, 4), (2, 64), (2, 256)), 64
 
 # Most quaternions that are tried at once, which take 100 MB, and most steps until one is left.
-_MOST, _STEPS = 1_000_000, 200
+_MOST, STEPS = 1_000_000, 200
 
 
 def neighbours(x: float, count: int) -> list[float]:
@@ -87,7 +87,7 @@ def _nearest(
     # All combinations of near doubles, a column each; arithmetic of NumPy is that of JSBSim.
     near = np.meshgrid(*map(neighbours, guess, counts), indexing="ij")
     starts = now = np.array([values.ravel() for values in near])
-    for k in range(_STEPS):
+    for k in range(STEPS):
         if starts.shape[1] == 1:  # numbers take a tenth of the time of arrays of one
             return starts[:, 0].tolist() if _gives(now[:, 0].tolist(), motions[k:], dt) else None
         if k == len(motions):

@@ -20,6 +20,7 @@ from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, 
 from flighttune.vehicles.compiled.functions import is_number
 from flighttune.vehicles.compiled.integrators import Integrator, integrators_of
 from flighttune.vehicles.compiled.motion import (
+    STEPS,
     Motion,
     acceleration_before,
     motion_reader,
@@ -81,7 +82,7 @@ def start_values(
             commands[1](1.0 + min(high - 1.0, 1.0 - low) * swing)
         if k:
             fdm.run()
-        if k <= _FEW:
+        if k <= STEPS:  # those of `more` go on where these end
             motions.append(motion())
         rows.append({name: value() for name, value in read.items()})
     for name, count in delays.items():
