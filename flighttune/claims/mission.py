@@ -17,6 +17,7 @@ from flighttune.base.files.load import BAND, kind_of
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights
@@ -117,6 +118,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     aircraft: str | None = None,
     like: str | None = None,
     terrain: str | Path | None = None,
+    navigation: Knowledge | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
@@ -161,6 +163,9 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Raster of heights above sea level in m (GeoTIFF, .hgt) for the mission's heights above
         terrain. The answer then has the lowest place of path and corridor over the ground. Without
         it the terrain is not checked.
+    navigation : {"exact", "rtk", "standard", "poor"}, optional
+        What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
+        source, else along a route a standard receiver and inertial unit.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it.
@@ -194,13 +199,14 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         flown = _NewFlights(
             source=source,
             settings={**of_flights, "terrain": terrain},
+            navigation=navigation,
             seed=seed,
             flights=flights,
             until_sure=until_sure,
         )
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
-        _check_absent({**of_flights, **own_count})
+        _check_absent({**of_flights, **own_count, "navigation": navigation})
         check_off_route(counted.about.signals, counted.flights.over)
         file = Path(source) if isinstance(source, str | Path) else written
         flown = _CountedFlights(band=counted)
@@ -253,6 +259,7 @@ class _NewFlights:
 
     source: Any  # source for `flights`
     settings: Mapping[str, Any]  # keywords for `flights`
+    navigation: Knowledge | None
     seed: int | None
     flights: int | None  # number to count
     until_sure: bool
@@ -260,7 +267,7 @@ class _NewFlights:
     @cached_property
     def stated(self) -> Flights:
         """The flights of the source."""
-        return flights_of_source(self.source, **self.settings)
+        return flights_of_source(self.source, **self.settings).knowing(self.navigation)
 
     @cached_property
     def plan(self) -> Plan:

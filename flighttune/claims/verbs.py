@@ -12,6 +12,7 @@ from flighttune.base.units import DEG, Degrees, Radians, RadiansPerSecond
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights
@@ -47,6 +48,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     gains: str | None = None,
     plant: str | None = None,
     air: str | None = None,
+    navigation: Knowledge | None = None,
     seed: int | None = None,
     start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
@@ -87,6 +89,9 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Label of the plant, by default the first aircraft, else the first.
     air : {"calm", "wind", "light", "moderate", "severe"}, optional
         Air of all flights, from the classes in the campaign, by default as it draws them.
+    navigation : {"exact", "rtk", "standard", "poor"}, optional
+        What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
+        source, else along a route a standard receiver and inertial unit.
     seed : int, optional
         Seed of the draws, by default the campaign's.
     start_deg : float, deg
@@ -128,6 +133,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if kept := written(source, BAND):  # a file of any kind of count
         options = {"signals": signals, "learn": learn, "predicted_from": predicted_from}
         options |= {"gains": gains, "plant": plant, "air": air, "seed": seed is not None}
+        options |= {"navigation": navigation}
         for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
             if value:
                 raise InputError(f"`{name}` must be absent for a band file, which has its own.")
@@ -146,7 +152,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
             if out is not None:
                 counted.save(out)
         return counted
-    flown = flights_of_source(source, changes=changes).starting(start_deg)
+    flown = flights_of_source(source, changes=changes).starting(start_deg).knowing(navigation)
     if flown.mission is not None:
         raise InputError(
             f"{source}: flights of a mission must be counted with `flighttune mission`, in "
@@ -181,6 +187,7 @@ def residual(
     gains: str | None = None,
     plant: str | None = None,
     air: str | None = None,
+    navigation: Knowledge | None = None,
     seed: int | None = None,
     start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
@@ -196,7 +203,8 @@ def residual(
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
         Flights as `flights` takes them, of an aircraft with an identified model.
-    epsilon, confidence, flights, learn, gains, plant, air, seed, start_deg, changes : optional
+    epsilon, confidence, flights, learn, gains, plant, air, navigation, seed : optional
+    start_deg, changes : optional
         As for `band`.
     workers, scheduler, observer : optional
         As for `band`.
@@ -220,6 +228,7 @@ def residual(
     7
     """
     fliers, stated = Fliers(**by), flights_of_source(source, changes=changes).starting(start_deg)
+    stated = stated.knowing(navigation)
     plan = drawn(stated, plant, gains, air, seed)
     ending = Fixed.enough(flights, epsilon, confidence)
     return counted_on(Residual, plan, ending, place=stated.place, learn=learn, fliers=fliers)
@@ -313,6 +322,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     gains: str | None = None,
     plant: str | None = None,
     air: str | None = None,
+    navigation: Knowledge | None = None,
     seed: int | None = None,
     start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
@@ -350,7 +360,7 @@ def monitor(  # noqa: PLR0913 - as `band`
         Learning flights, one half for the weights and the other for the limits, by default 100.
     columns : mapping or sequence
         Columns of the signals in logs, as for `load_log`.
-    gains, plant, air, seed, start_deg, changes, out : as for `band`
+    gains, plant, air, navigation, seed, start_deg, changes, out : as for `band`
     run_code, workers, scheduler, observer : as for `band`
 
     Returns
@@ -391,6 +401,7 @@ def monitor(  # noqa: PLR0913 - as `band`
         chosen = dict[str, Any](epsilon=epsilon, confidence=confidence, learn=learn)
         chosen |= {"start_deg": start_deg or None, "flights": flights, "gains": gains}
         chosen |= {"plant": plant, "air": air, "seed": seed, "changes": changes or None}
+        chosen |= {"navigation": navigation}
         for name, value in chosen.items():
             if value != defaults.get(name):
                 raise InputError(
@@ -402,6 +413,7 @@ def monitor(  # noqa: PLR0913 - as `band`
         raise InputError("`columns` must be absent without a log.")
     else:
         stated = flights_of_source(source, changes=changes).starting(start_deg)
+        stated = stated.knowing(navigation)
         plan = drawn(stated, plant, gains, air, seed)
         ending = Fixed.enough(flights, epsilon, confidence)
         made = counted_on(Monitor, plan, ending, place=stated.place, learn=learn, fliers=fliers)

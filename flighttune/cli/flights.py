@@ -175,6 +175,7 @@ def campaign(
     out: Path,
     gains: list[str] | None,
     until_sure: float | None,
+    navigation: Any,  # a grade, or exact
     changes: dict[str, Any],
     dry_run: bool,
 ) -> Answer:
@@ -187,10 +188,12 @@ def campaign(
     from flighttune.base.files.load import CAMPAIGN
     from flighttune.campaigns.dataset import open_dataset
     from flighttune.campaigns.engine.engine import forecast
+    from flighttune.campaigns.planning.knowing import knowing
     from flighttune.campaigns.planning.plan import plan_campaign
     from flighttune.campaigns.planning.source import load_campaign
 
     planned = load_campaign(campaign, changes=changes, gains=gains or (), until_sure=until_sure)
+    planned = knowing(planned, navigation)
     plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign extended by --runs keeps its length
@@ -198,7 +201,7 @@ def campaign(
     if dry_run:
         return forecast(plan, WORKERS.get().get("workers")).answer()
     try:
-        done = run_campaign(campaign=plan, out=out, runs=None)
+        done = run_campaign(campaign=plan, out=out, runs=None, navigation=None)
     except (errors.CampaignError, errors.OutputError) as error:
         if not file_of_plan.exists():
             raise

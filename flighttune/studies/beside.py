@@ -17,6 +17,7 @@ from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights, campaign_on
@@ -182,6 +183,7 @@ def compare(  # type: ignore[misc]
     flights: int | None = None,
     aircraft: str | None = None,
     like: str | None = None,
+    navigation: Knowledge | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     **by: Unpack[FlownBy],
@@ -215,7 +217,7 @@ def compare(  # type: ignore[misc]
     aircraft : str, optional
         Aircraft that flies a mission, by default aerosonde.
     seed, changes, workers, scheduler, observer : as for `band`
-    like : as for `mission`
+    like, navigation : as for `mission`
 
     Returns
     -------
@@ -242,6 +244,7 @@ def compare(  # type: ignore[misc]
     fliers, of_flights = Fliers(**by), {"aircraft": aircraft, "like": like, "changes": changes}
     if autopilot is None:
         options = {"version": version, "log": log, "flights": flights, "seed": seed}
+        options["navigation"] = navigation
         for name, value in (of_flights | options).items():
             if value not in (None, False, {}):
                 raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
@@ -252,7 +255,7 @@ def compare(  # type: ignore[misc]
         raise InputError("`autopilot` must be compared with one source of flights, got runs.")
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
-    stated = flights_of_source(place, **of_flights)
+    stated = flights_of_source(place, **of_flights).knowing(navigation)
     plan = counting.drawn(stated, None, gains or None, None, seed)
     _check_one_airspeed(str(stated.place), plan.scenario)
     plan = _with_guidance(plan, now)

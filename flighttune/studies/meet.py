@@ -23,6 +23,7 @@ from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import measured_in
 from flighttune.campaigns.flying.rows import Row
 from flighttune.campaigns.planning.draws import SEED, cycle
+from flighttune.campaigns.planning.knowing import Knowledge, knowing
 from flighttune.campaigns.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.campaigns.planning.schema import MEASURES, Campaign, CampaignTable
 from flighttune.campaigns.planning.source import campaign_on, load_campaign
@@ -472,6 +473,7 @@ def meet(
     campaign: str | Path | None = None,
     success: float | None = None,
     until_sure: bool = False,
+    navigation: Knowledge | None = None,
     changes: Mapping[str, Any] | None = None,
     **by: Unpack[FlownBy],
 ) -> Meeting:
@@ -508,6 +510,9 @@ def meet(
         number of draws, at a confidence of 0.95: a clear yes takes 84 draws at 0.95, a clear no 12.
         By default as many draws are counted as the campaign has, at least 200; with this they are
         the most.
+    navigation : {"exact", "rtk", "standard", "poor"}, optional
+        What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
+        source, else along a route a standard receiver and inertial unit.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional
@@ -542,10 +547,11 @@ def meet(
     check_at_least(1, budget=budget)
     if campaign is not None and also:
         raise InputError("`also` must be absent with a campaign, which is about one scenario.")
-    loaded = load.as_scenario(scenario, changes)
+    loaded = knowing(load.as_scenario(scenario, changes), navigation)
     starts, notes = _stated_start(loaded, start)
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
-    scenarios = [loaded if dispersed is None else dispersed.nominal, *map(load.as_scenario, also)]
+    others = (knowing(load.as_scenario(x), navigation) for x in also)
+    scenarios = [loaded if dispersed is None else dispersed.nominal, *others]
     law_table = _law_by_gains(scenarios[0])
     law = law_table.law
     _check_campaign(dispersed, success, metric, until_sure)

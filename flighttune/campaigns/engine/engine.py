@@ -26,6 +26,7 @@ from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import table_of
 from flighttune.campaigns.flying.compiled import CompiledFlights
+from flighttune.campaigns.planning.knowing import Knowledge, knowing
 from flighttune.campaigns.planning.plan import Group, Plan, plan_campaign
 from flighttune.campaigns.planning.source import load_campaign
 from flighttune.campaigns.statistics.count import looks
@@ -120,6 +121,7 @@ def run_campaign(
     *,
     runs: int | None = None,
     resume: bool = False,
+    navigation: Knowledge | None = None,
     **by: Unpack[FlownBy],
 ) -> CampaignOutcome:
     """Fly a campaign, or the runs that are missing from it.
@@ -138,6 +140,9 @@ def run_campaign(
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
         Fly the runs that `out` lacks.
+    navigation : {"exact", "rtk", "standard", "poor"}, optional
+        What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
+        campaign, else along a route a standard receiver and inertial unit.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
 
@@ -162,7 +167,12 @@ def run_campaign(
     4
     """
     began, fliers = time.perf_counter(), Fliers(**by)
-    plan = campaign if isinstance(campaign, Plan) else plan_campaign(load_campaign(campaign))
+    if isinstance(campaign, Plan):
+        if navigation is not None:
+            raise InputError("`navigation` must be absent for a plan, which has its own.")
+        plan = campaign
+    else:
+        plan = plan_campaign(knowing(load_campaign(campaign), navigation))
     if runs is not None:
         check_at_least(1, runs=runs)
         plan = plan.with_runs(runs)

@@ -15,6 +15,7 @@ from flighttune.base.files.shipped import campaign_files, scenario_files
 from flighttune.base.files.table import abridged, shown, toml_tables, validated
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.campaigns.planning.draws import copula_factor, dispersed_places, with_drawn
+from flighttune.campaigns.planning.knowing import Knowledge, knowing
 from flighttune.campaigns.planning.plan import Plan, plan_campaign, recorded_plan
 from flighttune.campaigns.planning.schema import (
     DISTRIBUTIONS,
@@ -263,6 +264,17 @@ class Flights:
         check_not_negative(disturbance=largest)
         self._check_scenario("disturbance", largest)
         return replace(self, disturbance=(largest, largest) if largest else self.disturbance)
+
+    def knowing(self, navigation: Knowledge | None) -> "Flights":
+        """Flights whose autopilots know their motion by a grade; None: as stated, see `knowing`."""
+        if self.recorded is not None:
+            if navigation is not None:
+                raise InputError(
+                    f"{self.place}: `navigation` must be absent for a campaign already flown."
+                )
+            return self
+        campaign = self.campaign and knowing(self.campaign, navigation)
+        return replace(self, scenario=knowing(self.scenario, navigation), campaign=campaign)
 
     def _check_scenario(self, name: str, value: float) -> None:
         if value and self.campaign is not None:

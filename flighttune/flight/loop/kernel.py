@@ -206,7 +206,7 @@ def law_sample(k, n_z, law, rows):
     return u[0], u[1], memory[20]
 
 
-@njit
+@register_jitable(inline="always")
 def _guided(k, row, law):
     """What to follow on a route, and where the row ends that has the places on it."""
     _, places, dt, settings, _, _, path, _, memory = law
