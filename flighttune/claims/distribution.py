@@ -49,11 +49,17 @@ AIR = {
     "gust": "a gust of {}",
     "turbulence": "{} turbulence",
     "sensors": "measured with {}",
+    "navigation": "where the aircraft knows its place by {}",
     "disturbance": "rates disturbed by {}",
 }
 
+EXACT = "where the aircraft knows its place exactly"
+
 # Keys whose ranges are told with the air or the airspeed.
 NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
+
+# Names of the grades of navigation, before their receiver.
+NAMES = {"rtk": "an RTK", "standard": "a standard", "poor": "a poor"}
 
 # Keys that the table of flights has if they are equal in all flights.
 SCHEDULE = "controller.schedule"
@@ -99,6 +105,8 @@ class Distribution:
         air = [AIR[name].format(text) for name, text in self.air_words.items()]
         if not {"wind", "gust", "turbulence"} & {*self.air_words}:
             air.insert(0, "calm air")
+        if "navigation" not in self.air_words and self._values("route."):
+            air.append(EXACT)
         drawn = [
             f"{words} {values}" + (f" ({how})" if how != "uniform" else "")
             for key, words, values, how in self._drawn
@@ -137,7 +145,7 @@ class Distribution:
 
     @property
     def air_words(self) -> dict[str, str]:
-        """Words for moving air, disturbances of the rates, and sensor errors."""
+        """Words for moving air, disturbances of the rates, and errors of what is seen."""
         intensity = self._range("turbulence.intensity")
         if severity := self._range("turbulence.severity"):
             intensity = f"severity {severity} ({self._range('turbulence.wind_20ft_mps')} at 20 ft)"
@@ -149,6 +157,7 @@ class Distribution:
             "gust": self._range("gust.peak_mps"),
             "turbulence": intensity,
             "sensors": ", ".join(errors),
+            "navigation": self._navigation,
             "disturbance": f"up to {largest:g} rad/s" if largest else "",
         }
         if words["wind"]:
@@ -158,6 +167,20 @@ class Distribution:
         if words["gust"]:
             words["gust"] += f" ({self._range('gust.axis')})"
         return {name: text for name, text in words.items() if text}
+
+    @property
+    def _navigation(self) -> str:
+        """The equipment by which an aircraft knows its motion; empty if it knows it exactly."""
+        if not (grades := self._values("navigation.grade")):
+            return ""
+        numbers = (key for key in self.fixed | self.dispersed if key.startswith("navigation."))
+        own = [
+            f"{_words(key).removeprefix('navigation ')} {self._range(key)}"
+            for key in numbers
+            if not key.endswith(".grade")
+        ]
+        names = listed([NAMES[grade] for grade in dict.fromkeys(grades)], "or")
+        return f"{names} receiver and inertial unit{f' with {listed(own)}' if own else ''}"
 
     def _values(self, start: str, end: str = "") -> list[Any]:
         """Both ends of the range, or the value, of each key with this beginning and ending."""

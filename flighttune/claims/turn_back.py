@@ -17,6 +17,7 @@ from flighttune.claims.about import About, Of
 from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
 from flighttune.claims.counted_flights import room_of
+from flighttune.claims.known import navigation_errors
 from flighttune.claims.measured import Measured
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_of
@@ -24,6 +25,7 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.follow import SAME_PLACE
 from flighttune.routes.maps import Volume
 from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
+from flighttune.vehicles.plants.jsbsim.model_files import wing_span
 
 # Signals of flights that turn back, m, each the maximum since detection: the horizontal distance
 # from the route in any direction, and the difference of height from the place of detection.
@@ -93,6 +95,11 @@ class TurnRoom(NamedTuple):
         width, high = geography.width + self.from_route, geography.high + self.height
         return Volume(width, max(geography.low - self.height, 0.0), high, claim)
 
+
+# Errors of receiver, of holding the position and of the map, m, and the least width and height of
+# a flight geography in largest dimensions: LBA, Guidance for Dimensioning of Flight Geography,
+# Contingency Volume and Ground Risk Buffer, 1.7 (2024).
+S_GPS, S_POS, S_K, LEAST_SIZES = 3.0, 3.0, 1.0, 3.0
 
 # Words for the ends of flights.
 ENDED = {"no_trim": "without a steady flight at their start"}
@@ -170,9 +177,12 @@ class TurnBack(Counted):
             )
         claimed = corridor.corridor(planned.where)
         beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
+        # Guidelines ask for a flight geography of three times the largest dimension.
+        least = LEAST_SIZES * self.largest_dimension
+        beside = max(beside, 0.5 * least)
         heights = path.up[path.s <= path.length] + h_0 - corridor.flights.central.flight.ground_m
         low, high = max(float(heights.min()) - above, 0.0), float(heights.max()) + above
-        geography = Volume(beside, low, high, claimed.claim)
+        geography = Volume(beside, low, max(high, low + least), claimed.claim)
         around = self.room.around(geography, printable(self.sentence))
         width, top = around.width + around.high, around.high
         return {
@@ -180,6 +190,31 @@ class TurnBack(Counted):
             "contingency volume": around,
             "ground risk buffer": Volume(width, 0.0, top, "as wide as it is high"),
         }
+
+    @property
+    def largest_dimension(self) -> float:
+        """The wing span of the aircraft, m; 0 where there is none or its model states none."""
+        table = self.flights.scenario.plant_table(self.flights.plant)
+        return 0.0 if table.aircraft is None else wing_span(table.config) or 0.0
+
+    def terms(self, corridor: Band) -> list[dict[str, Any]]:
+        """Terms of the width of a contingency volume: of the guideline, and as counted, m.
+
+        The room that was counted is reaction and manoeuvre together.
+        """
+        V_a, g = max(self.flights.central.airspeeds), self.flights.central.flight.g_mps2
+        reaction = V_a * self.table.reaction_s
+        turn = self.table.formula(V_a, g) - reaction
+        beside = self.volumes(corridor)["flight geography"].width
+        errors = navigation_errors(corridor)
+        navigation = 0.0 if errors is None else min(errors.beside, beside)
+        return [
+            {"term": "S_GPS", "is": "navigation", "guideline": S_GPS, "counted": navigation},
+            {"term": "S_Pos", "is": "holding", "guideline": S_POS, "counted": beside - navigation},
+            {"term": "S_K", "is": "map", "guideline": S_K, "counted": None},
+            {"term": "S_RZ", "is": "reaction", "guideline": reaction, "counted": None},
+            {"term": "S_CM", "is": "manoeuvre", "guideline": turn, "counted": self.room.from_route},
+        ]
 
     def sizes(self) -> list[dict[str, float]]:
         return [{"high": size} for size in self.room]
@@ -202,5 +237,5 @@ class TurnBack(Counted):
             f"{table.reaction_s:g} s after detection, {table.bank_deg:g} deg of bank with a wind "
             f"of {table.wind(self.flights.central.flight.g_mps2):.3g} m/s from behind, until "
             f"{BACK_S:g} s after it; by formula {self._formula:.0f} m ahead in still air. No "
-            "failure of engine, link or navigation is in it, and it is no risk class."
+            "failure of engine, link or receiver is in it, and it is no risk class."
         ]

@@ -1,10 +1,12 @@
 """Room to turn back: flights that turn back at any place of a route, and the volumes around it."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -352,6 +354,31 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     assert geography == pytest.approx((5.0, 98.0, 122.0), abs=CLIMBS)
     assert contingency == pytest.approx((277.0, 94.0, 126.0), abs=CLIMBS)
     assert buffer == pytest.approx((277.0 + 126.0, 0.0, 126.0), abs=CLIMBS)
+    # The guidance of the LBA: 3 m, 3 m, 1 m, a second at 25 m/s, and V^2 / (g tan(bank)).
+    terms = {row["term"]: row["guideline"] for row in said.values["turn_back"]["terms"]}
+    assert [terms[f"S_{x}"] for x in ("GPS", "Pos", "K", "RZ")] == [3.0, 3.0, 1.0, 25.0]
+    assert terms["S_CM"] == pytest.approx(25.0**2 / (9.81 * np.tan(np.deg2rad(BANK))))
+    counted = [row["counted"] for row in said.values["turn_back"]["terms"]]
+    assert counted == [0.0, pytest.approx(5.0), None, None, 272.0]  # it knows its place exactly
+    with mock.patch.object(TurnBack, "largest_dimension", 40.0):
+        geography = room.volumes(corridor)["flight geography"]
+    assert (geography.width, geography.high - geography.low) == (60.0, 120.0)
+
+
+def test_a_corridor_is_flying_and_navigation():
+    waypoints = [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]
+    flights = ft.flights("circuit", changes={"route.waypoint": waypoints}).knowing("standard")
+    corridor = count_on(ft.Band, flights.plan(plant="kinematic", gains="paper"), [50.0, 20.0])
+
+    said = summary(corridor)[2]
+
+    parts = re.findall(r"([\d.]+) m of flying and ([\d.]+) m of navigation \(([\d.]+) m with", said)
+    for (flying, navigation, by_rtk), size in zip(
+        np.array(parts, float), (50.0, 20.0), strict=True
+    ):
+        assert flying + navigation == pytest.approx(size, abs=1.1)  # two digits each
+        assert 0.3 < navigation < 10.0  # 1.5 m, and 1 m with 2 % of q, are its deviations
+        assert flying <= by_rtk + 1.0 < size + 1.0
 
 
 @pytest.mark.counts

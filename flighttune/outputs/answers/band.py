@@ -10,6 +10,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.words import at_most, pick
 from flighttune.claims.band import Band, Fenced
 from flighttune.claims.counted import Counted
+from flighttune.claims.known import navigation_errors
 from flighttune.outputs.answers import counted
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
@@ -121,8 +122,26 @@ def width(band: Band) -> str:
     if not band.claims or band.about.predicted_from:
         return "No corridor is claimed."
     claimed = band.corridor()
-    beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1))
+    beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
+    parts = of_navigation(band, beside, above)
+    of_sides, of_height = (f": {part}" if part else "" for part in parts)
     return (
-        f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path, "
-        f"and {at_most(above, 3)} m high above and below it."
+        f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path{of_sides}"
+        f"{';' if of_sides else ','} and {at_most(above, 3)} m high above and below it{of_height}."
     )
+
+
+def of_navigation(band: Band, beside: float, above: float) -> tuple[str, str]:
+    """The parts of flying and of navigation in the sizes (m) of a corridor; empty if exact."""
+    errors, by_rtk = navigation_errors(band), navigation_errors(band, "rtk")
+    if errors is None or by_rtk is None:
+        return "", ""
+    said = []
+    for size, error, rtk in zip((beside, above), errors, by_rtk, strict=True):
+        error = min(error, size)
+        flying = size - error
+        said.append(
+            f"{flying:.2g} m of flying and {error:.2g} m of navigation ({flying + rtk:.2g} m with "
+            "RTK)"
+        )
+    return said[0], said[1]

@@ -3,9 +3,17 @@
 from dataclasses import replace
 
 from flighttune.claims.mission import MissionOdds, OverGround, PlannedMission, over_ground
-from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.band import summary
 from flighttune.outputs.answers.turn_back import ended
+
+TERMS = "width of the contingency volume beyond the path, by the guideline and as counted"
+TERM_COLUMNS = (
+    Column("term", "term"),
+    Column("is", "what"),
+    Column("guideline", "guideline", "m", ".1f"),
+    Column("counted", "counted", "m", ".1f"),
+)
 
 
 def answer(mission: MissionOdds) -> Answer:
@@ -23,12 +31,16 @@ def answer(mission: MissionOdds) -> Answer:
     if room is None:
         return replace(answer, summary=lines, files=files)
     said = room.answer(files.get("room") or "FILE")
+    turns, terms = dict(said.values), []
+    if room.claims and band.claims:
+        turns["terms"] = room.terms(band)
+        terms = [Table(TERM_COLUMNS, turns["terms"], TERMS)]
     total = band.confidence + room.confidence - 1.0
     return replace(
         answer,
         summary=lines,
-        values={**answer.values, "confidence": total, "turn_back": said.values},
-        tables=[*answer.tables, said.tables[0], ended(room)],
+        values={**answer.values, "confidence": total, "turn_back": turns},
+        tables=[*answer.tables, said.tables[0], *terms, ended(room)],
         notes=[*answer.notes, *said.notes, said.verdict],
         failure=answer.failure or (f"room to turn back: {said.failure}" if said.failure else ""),
         files=files,

@@ -1,0 +1,53 @@
+"""The part of a corridor that is the navigation of its flights, not their flying."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flighttune.claims.band import Band
+from flighttune.claims.counted_flights import plan_in
+from flighttune.vehicles.plants.navigation import Grade
+
+# Most flights whose errors are drawn: 25 ms for 450 s of each.
+MAX_DRAWN = 126
+
+
+class NavigationErrors(NamedTuple):
+    """Largest errors of position that as many flights keep as keep a corridor, m."""
+
+    beside: float  # across the path
+    above: float  # in height
+
+
+@lru_cache(maxsize=8)
+def navigation_errors(band: Band, grade: Grade | None = None) -> NavigationErrors | None:
+    """Errors of navigation in the flights of a band along a route; None where they have none.
+
+    The errors are those of their draws, over the time and courses of the planned route in still
+    air. `grade`: those of another grade in their place.
+    """
+    flights = band.flights
+    central = flights.central
+    if central.navigation is None:
+        return None
+    plan, reference, dt = (
+        plan_in(band.about),
+        flights.route.reference,
+        1.0 / central.controller.rate_hz,
+    )
+    n = max(round(flights.route.time / dt), 1)
+    course, _ = reference.sampled(np.arange(n, dtype=np.float64) * dt)
+    s, c, V_a = np.sin(course), np.cos(course), float(reference.V[0])
+    largest = []
+    for draw in band.draws[:MAX_DRAWN].tolist():
+        scenario = plan.scenario_of(draw)
+        table = scenario.navigation or central.navigation
+        if grade is not None:
+            table = type(table)(grade=grade)
+        errors = table.navigation(scenario.seed).errors(n, dt, V_a)
+        north, east, h = errors[:, 3:6].T
+        largest.append((np.abs(east * c - north * s).max(), np.abs(h).max()))
+    kept = 1.0 - band.outside / len(band.scores)
+    beside, above = np.quantile(largest, kept, axis=0, method="inverted_cdf").tolist()
+    return NavigationErrors(beside, above)
