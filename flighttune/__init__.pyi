@@ -54,7 +54,6 @@ from flighttune.gaps.gap import gap as gap
 from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
 from flighttune.outputs.exports.export import export as export
-from flighttune.outputs.live.open import Opened as Opened
 from flighttune.outputs.live.open import open as open
 from flighttune.outputs.pages.claim import plot as plot
 from flighttune.outputs.pages.report import report as report

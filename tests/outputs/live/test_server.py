@@ -11,8 +11,7 @@ import psutil
 import pytest
 
 import flighttune as ft
-from flighttune.base.files import code
-from flighttune.base.files.table import toml_text
+from flighttune.base.files import code, table
 
 # A number that no float holds, beside what a page sends.
 HUGE = b'{"window": "w", "number": 1, "ghosts": [], "values": {"flight.V_a_mps": 1%s}}' % (
@@ -185,7 +184,7 @@ def test_a_recording_runs_no_code_that_it_names(tmp_path, monkeypatch):
     (tmp_path / "law.py").write_text(LAW)
     scenario = ft.load_scenario("paper_as_printed", changes={"flight.duration_s": 0.5}).as_dict()
     own = {"name": "mine", "kind": "python", "module": str(tmp_path / "law.py"), "class": "Mine"}
-    text = toml_text({**scenario, "law": [own], "gains": ["paper"], "expect": []})
+    text = table.toml_text({**scenario, "law": [own], "gains": ["paper"], "expect": []})
     (tmp_path / "own.toml").write_text(text)
     ft.record(ft.fly(tmp_path / "own.toml"), tmp_path / "run")
     (tmp_path / "ran").unlink()

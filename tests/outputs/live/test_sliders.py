@@ -3,22 +3,22 @@
 import pytest
 
 import flighttune as ft
-from flighttune.outputs.live.sliders import checked, moved, sliders_of, with_one_gain_set
+from flighttune.outputs.live import sliders
 
 SCENARIOS = "level_turn", "paper", "exact_law", "circuit", "turbulent_climb", "paper_as_printed"
 
 
 def page_of(name):
-    scenario, gains = with_one_gain_set(ft.load_scenario(name), None)
-    return scenario, sliders_of(scenario, gains)
+    scenario, gains = sliders.with_one_gain_set(ft.load_scenario(name), None)
+    return scenario, sliders.sliders_of(scenario, gains)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_page_begins_with_the_flights_of_its_scenario(name):
-    scenario, sliders = page_of(name)
+    scenario, every = page_of(name)
     flown = ft.load_scenario(name, gains=[scenario.gain_names[0]])
-    assert moved(scenario, sliders, {x.key: x.value for x in sliders}) is scenario
-    assert len({x.key for x in sliders}) == len(sliders)
+    assert sliders.moved(scenario, every, {x.key: x.value for x in every}) is scenario
+    assert len({x.key for x in every}) == len(every)
     kept = scenario.model_dump(exclude={"gains"})
     assert kept == flown.model_dump(exclude={"gains"})
 
@@ -39,27 +39,29 @@ def test_a_page_begins_with_the_flights_of_its_scenario(name):
     ],
 )
 def test_a_slider_sets_the_key_of_the_scenario(key, value, changes):
-    scenario, sliders = page_of("level_turn")
+    scenario, every = page_of("level_turn")
     wanted = ft.load_scenario("level_turn", changes=changes)
     same = {"exclude": {"gains", "title"}}
-    assert moved(scenario, sliders, {key: value}).model_dump(**same) == wanted.model_dump(**same)
+    assert sliders.moved(scenario, every, {key: value}).model_dump(**same) == wanted.model_dump(
+        **same
+    )
 
 
 def test_a_gain_that_is_moved_flies_as_the_same_gain_of_a_file(tmp_path):
-    scenario, sliders = page_of("level_turn")
+    scenario, every = page_of("level_turn")
     K_P = ft.PAPER_GAINS.K_P.copy()
     K_P[0, 0] = 1.1
     ft.PIGains(K_P=K_P, K_I=ft.PAPER_GAINS.K_I).save(tmp_path / "mine.json")
     by_file = ft.fly("level_turn", str(tmp_path / "mine.json"))
-    by_page = ft.fly(moved(scenario, sliders, {"gains[0].K_P[0][0]": 1.1}))
+    by_page = ft.fly(sliders.moved(scenario, every, {"gains[0].K_P[0][0]": 1.1}))
     for one, other in zip(by_page.runs, by_file.runs, strict=True):
         assert one.signals.equals(other.signals)
 
 
 def test_a_choice_that_is_none_takes_the_table_away():
-    scenario, sliders = page_of("turbulent_climb")
+    scenario, every = page_of("turbulent_climb")
     assert scenario.turbulence is not None
-    assert moved(scenario, sliders, {"turbulence.intensity": "none"}).turbulence is None
+    assert sliders.moved(scenario, every, {"turbulence.intensity": "none"}).turbulence is None
 
 
 @pytest.mark.parametrize(
@@ -74,6 +76,6 @@ def test_a_choice_that_is_none_takes_the_table_away():
     ],
 )
 def test_a_value_that_no_slider_has_is_refused(values, what):
-    _, sliders = page_of("level_turn")
+    _, every = page_of("level_turn")
     with pytest.raises(ft.InputError, match=what):
-        checked(sliders, values)
+        sliders.checked(every, values)

@@ -7,7 +7,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.base.files import code
-from flighttune.outputs.live.desk import Desk
+from flighttune.outputs.live import desk
 
 pytestmark = pytest.mark.slow
 
@@ -16,13 +16,13 @@ TURN = {"flight.duration_s": 20.0}
 
 def seconds_of_a_move(folder, moves=9):
     """Median time of the processor from a move of a gain to the pieces of the page, 20 s flown."""
-    desk = Desk(ft.flights("level_turn", changes=TURN), None, folder)
+    page = desk.Desk(ft.flights("level_turn", changes=TURN), None, folder)
     taken = []
     for number in range(moves + 3):
         began = time.process_time()
         ghosts = [{"name": "start", "values": {}}]
         values = {"gains[0].K_P[0][0]": 1.0 + 0.01 * number}
-        shown = desk.picture({"window": "w", "number": number, "values": values, "ghosts": ghosts})
+        shown = page.picture({"window": "w", "number": number, "values": values, "ghosts": ghosts})
         taken.append(time.process_time() - began)
         assert shown["charts"].count("<figure") == 6
     return statistics.median(taken[3:])
