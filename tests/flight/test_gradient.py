@@ -103,6 +103,11 @@ REFUSED = {
     "a count": ({}, {"by": ["seed"]}, "and not a count, got 1"),
     "a key that is not there": ({}, {"by": ["flight.wings"]}, "got nothing"),
     "a time of samples": ({}, {"by": ["flight.duration_s"]}, "falls on samples"),
+    "an error of sensors": (
+        {"sensors": {"chi_bias_deg": 0.2}},
+        {"by": ["sensors.chi_bias_deg"]},
+        "by errors are not known",
+    ),
     "another plant": ({}, {"plant": "kinematic"}, "must be an aircraft"),
     "a third command": (
         {

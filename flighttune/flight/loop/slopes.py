@@ -55,6 +55,10 @@ def fly_with_slopes(flight: Sampled, sides: Mapping[str, Sides]) -> SlopedFlight
     """Fly with the slopes by parameters, of which it has the flight on both `sides`, by name."""
     from flighttune.flight.loop.compiled import fly_samples
 
+    for name, (*ends, _) in sides.items():
+        pairs = (pair for side in ends for pair in zip(side.seen, flight.seen, strict=True))
+        if not all(np.array_equal(a, b) for a, b in pairs):
+            raise InputError(f"`by` must have slopes, got {name}: those by errors are not known.")
     step, normals = flight.aircraft.sloped
     n, slopes = flight.shape[0], np.zeros((len(sides), *flight.shape))
     rows = DualArray(np.zeros(flight.shape), slopes)
