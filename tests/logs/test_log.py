@@ -77,7 +77,7 @@ def test_a_log_is_the_flight_in_our_signals_units_and_signs(run, flight):
         assert np.median(np.abs(signals[name].to_numpy() - commands)) < SINGLE
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_the_content_says_what_a_log_is(written, run, tmp_path):
     other = tmp_path / "anything.dat"
     other.write_bytes(written.read_bytes())
