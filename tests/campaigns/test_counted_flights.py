@@ -2,7 +2,7 @@
 
 import pytest
 from counted_turns import START
-from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of
+from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.claims import counted_flights
@@ -37,3 +37,23 @@ def test_air_is_taken_apart():
     assert counted_flights.air_of(counted_flights.in_air(words, "severe").nominal) == "severe"
     with pytest.raises(ft.InputError, match=r"`air`.*'stormy'"):
         counted_flights.in_air(campaign, "stormy")
+
+
+@pytest.mark.parametrize(
+    ("air", "kept"),
+    [
+        ("calm", {"flight.V_a_mps"}),
+        ("wind", {"flight.V_a_mps", "wind.speed_mps"}),
+        ("light", {"flight.V_a_mps", "wind.speed_mps"}),
+    ],
+)
+def test_what_is_drawn_of_the_air_is_drawn_where_there_is_such_air(air, kept):
+    drawn = (
+        uniform("flight.V_a_mps", 24.0, 26.0),
+        uniform("wind.speed_mps", 0.0, 5.0),
+        one_of("turbulence.intensity", "light", "severe"),
+    )
+    air_moves = {"wind": WIND, "turbulence": {"intensity": "light"}}
+    campaign = plan_of(tables_of((AEROSONDE,), gains=[SOFT], **air_moves), *drawn).campaign
+
+    assert {table.key for table in counted_flights.in_air(campaign, air).disperse} == kept
