@@ -31,6 +31,11 @@ def slow(*cases):
     return [pytest.param(*case, marks=pytest.mark.slow) for case in values]
 
 
+def marked(cases, mark, *, but):
+    """Cases by name with a mark, but for those that are cheap for what they see."""
+    return [pytest.param(x, marks=[mark] * (x not in but)) for x in cases]
+
+
 def first_or_all(cases):
     """Of cases that take long the first one; all others in `make counts`."""
     first, *others = cases

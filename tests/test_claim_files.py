@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzzing import marked
 from made_up_tubes import claim_of, rewritten
 
 import flighttune as ft
@@ -27,11 +28,17 @@ SAID = {
 }
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    # the tube takes 13 s to prove
-    [pytest.param(x, marks=[pytest.mark.counts] * (x == "tube_for_ever.npz")) for x in SAID],
+    [
+        *marked(
+            [x for x in SAID if x != "tube_for_ever.npz"],
+            pytest.mark.soak,
+            but=("certificate_envelope.json",),
+        ),
+        pytest.param("tube_for_ever.npz", marks=pytest.mark.counts),  # it takes 13 s to prove
+    ],
 )
 def test_a_claim_of_0_3_0_is_valid_with_its_numbers(name):
     verified = ft.verify(FILES / name)
@@ -96,6 +103,9 @@ def field_of(path):
     return ".".join(key for key in path if isinstance(key, str))
 
 
+QUICK = "gains.errors", "gains.inputs"
+
+
 def forgeries():
     """Each field of certificates and bounds once, and of the claim of a tube, with its file."""
     seen = set()
@@ -113,7 +123,9 @@ def forgeries():
             ):
                 seen.add((kind, field_of(path)))
                 # the manoeuvre of a tube: each takes a second, and makes another tube or none
-                marks = [pytest.mark.counts] * (kind == "tube" and path[0] == "scenario")
+                long = kind == "tube" and path[0] == "scenario"
+                others = pytest.mark.counts if long else pytest.mark.soak
+                marks = [others] * (field_of(path) not in QUICK)
                 yield pytest.param(name, path, value, marks=marks, id=f"{kind}:{field_of(path)}")
 
 
@@ -126,7 +138,7 @@ def claim_or_none(path):
     return verified.claim if verified.valid else None
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "path", "value"), [*forgeries()])
 def test_a_forged_field_is_refused_or_no_sentence_takes_it_for_a_fact(tmp_path, name, path, value):
     file, copy = FILES / name, tmp_path / name

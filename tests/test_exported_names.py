@@ -12,6 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 
 import pytest
+from fuzzing import marked
 from site_reference import public_names
 
 import flighttune
@@ -20,6 +21,7 @@ PACKAGE = Path(flighttune.__file__).parent
 
 
 NAMES = public_names()
+QUICK = "identify", "loop.Controller", "run_campaign", "show", "trim"
 PUBLIC = attrgetter(*NAMES)(flighttune)
 
 
@@ -92,8 +94,8 @@ def test_public_values_explain_every_attribute():
             assert found, f"`{value.__name__}`: `{field.name}`"
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", marked(NAMES, pytest.mark.soak, but=QUICK))
 def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monkeypatch):
     if name == "show":
         pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")

@@ -13,6 +13,7 @@ from counted_turns import ALONE, WITH_FIVE, count, forged, small_plan
 from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
 from dispersed import tables_of as tables_of_plan
 from flown_campaigns import flown_here
+from fuzzing import marked
 from scipy.stats import hypergeom
 
 import flighttune as ft
@@ -251,8 +252,8 @@ UNTIL_SURE = {"epsilon": 0.3, "confidence": 0.9, "until_sure": True}
 TRUE_TOO = "schedule", "V_a_mps", "bank_deg", "h_m"
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", marked(KINDS, pytest.mark.soak, but=("until_sure",)))
 def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
     counted = made(kind, tmp_path)
     tables, said, claims = tables_of(counted.about), [], told(counted)

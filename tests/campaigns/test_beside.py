@@ -222,7 +222,7 @@ def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, opt
     assert words in failure
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, file):
     page = tmp_path / "page.html"
     out, _ = flighttune(

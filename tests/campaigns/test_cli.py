@@ -160,7 +160,6 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.soak
 def test_nobody_at_the_address_is_one_line(tmp_path, file):
     nobody = "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "out"
 

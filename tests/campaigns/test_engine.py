@@ -135,7 +135,6 @@ def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
         ft.run_campaign(asking(tmp_path, 0.9), out, resume=True)
 
 
-@pytest.mark.soak
 def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
     ours, out = asking(tmp_path, 0.5), tmp_path / "out"
 
@@ -148,7 +147,6 @@ def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
     assert (done.runs, done.sure["kinematic / paper"]) == (12, "yes")
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize(
     ("share", "top", "got"),
     [

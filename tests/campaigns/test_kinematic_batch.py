@@ -4,6 +4,7 @@ import typing
 
 import pytest
 from dispersed import WIND, one_of, plan_of, tables_of, uniform
+from fuzzing import marked
 
 import flighttune as ft
 from flighttune.campaigns.flying import columns
@@ -243,8 +244,10 @@ def base(key):
     return tables
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("key", OTHERS)
+@pytest.mark.parametrize(
+    "key",
+    marked(OTHERS, pytest.mark.soak, but=("disturbance.wave", "disturbance.gamma_switch_s[0]")),
+)
 def test_every_other_key_of_a_scenario_is_honoured_or_flown_alone(key):
     plan = plan_of(base(key), one_of(key, OTHERS[key]), runs=1)
 

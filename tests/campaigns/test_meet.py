@@ -260,7 +260,6 @@ def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_
     assert -min(row["margin"] for row in values["requirements"]) == pytest.approx(worst)
 
 
-@pytest.mark.soak
 def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_of_its_own():
     wavy = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
     never = scenario(at_most("gamma", settling_s=10.0), disturbance=wavy)
@@ -464,12 +463,16 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     assert ft.load_campaign(file).disperse == meeting.campaign.disperse
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize(
     ("bound", "draws", "said"),
     [
         # 0.95^-n / 2 exceeds 2 / 0.05 from 82 on, and it is looked at every 12 draws
-        (60.0, 84, "with a probability of at least 95 %, confidence 0.95 at any number of draws"),
+        pytest.param(
+            60.0,
+            84,
+            "with a probability of at least 95 %, confidence 0.95 at any number of draws",
+            marks=pytest.mark.soak,
+        ),
         (0.01, 12, "with a probability below 95 %, confidence 0.95 at any number of draws"),
     ],
 )
@@ -551,7 +554,6 @@ def test_a_scenario_without_requirements_is_refused():
         searched(scenario({"gains": "paper", **at_most(MO_deg=3.0)}))
 
 
-@pytest.mark.soak
 def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
     scenario_file(file, overshoot)
@@ -569,7 +571,6 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     assert "nearest" in "".join(flighttune("meet", file, *few, status=1))
 
 
-@pytest.mark.soak
 def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps_the_gains(
     tmp_path, overshoot
 ):

@@ -145,7 +145,6 @@ def test_every_part_is_on_the_page(page):
     assert page.path.stat().st_size < 3_000_000
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize("completed", [True, False])
 def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     made = made_up_plan({"gains": "K3", "at_most": {"chi": {"ITAE": 0.0}}}, runs=40)

@@ -247,7 +247,7 @@ def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(m
     assert counted.call_count == len(plan.groups) == 2
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_the_compiled_samples_of_a_route_are_loaded_before_its_runs_are_timed(monkeypatch):
     pytest.importorskip("numba")
     from flighttune.flight.loop import compiled

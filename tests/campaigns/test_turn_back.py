@@ -476,7 +476,7 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_learned")
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from commands import answer
 from flown_campaigns import write_campaign
+from fuzzing import marked
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
@@ -61,6 +62,8 @@ def options(settings):
     """The options of the command for the settings of its verb."""
     return [f"--{key.replace('_', '-')}={value}" for key, value in settings.items()]
 
+
+QUICK = "identify", "trim", "tune --frontier", "campaign"
 
 VERBS = {
     "campaign": (planned, ["campaign.toml", "--dry-run", "--workers", 1]),
@@ -131,9 +134,12 @@ def of_the_value(found):
     return kept
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize(
-    "verb", [pytest.param(x, marks=[pytest.mark.counts] * (x in LONG)) for x in VERBS]
+    "verb",
+    [
+        *marked([verb for verb in VERBS if verb not in LONG], pytest.mark.soak, but=QUICK),
+        *(pytest.param(verb, marks=pytest.mark.counts) for verb in LONG),
+    ],
 )
 def test_a_command_prints_the_answer_of_its_verb(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -176,7 +176,7 @@ def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
     assert bool(said) == bool(says)
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
     said = flighttune("gap", log, "--aircraft", "aerosonde", status=2, cwd=log.parent)[1]
 
@@ -184,7 +184,7 @@ def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
     assert "V_a" in said
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -79,7 +79,6 @@ def test_it_is_in_the_file_and_proven_again(found, path):
     assert again.verify().valid
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
@@ -100,7 +99,6 @@ def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, 
     assert re.search(said, verdict.reason)
 
 
-@pytest.mark.soak
 # The bounds of the last sample end with the margin of the interval after it, which those for ever
 # do not have: flights must have been in the set by then.
 @pytest.mark.parametrize("sample", [0, 51])

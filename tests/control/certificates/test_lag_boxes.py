@@ -115,7 +115,7 @@ def test_no_gains_are_tuned_for_a_range_of_lags_that_is_none(lag, says):
         models.lag_problems(scenario, scenario.laws[0], lag)
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_conditions():
     model, certificate = ft.loop.load_identified("aerosonde"), over_conditions()
 
@@ -130,7 +130,7 @@ def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_condit
         assert box.norm_rate > 0.99 * box.rate
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_the_identified_models_themselves_are_as_fast_as_their_box():
     certificate = over_conditions()
 

@@ -71,7 +71,6 @@ def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
     assert records_of(written, "gains")["paper"]["K_P"] == ft.PAPER_GAINS.K_P.tolist()
 
 
-@pytest.mark.soak
 def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(flown_paper, tmp_path):
     first, second, *_ = flown_paper.runs  # both of the law
     why = "roll command 155.7 deg: the law has no value."

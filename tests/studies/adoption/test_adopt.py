@@ -74,7 +74,7 @@ def test_other_commands_take_the_folder(adopted, tmp_path):
     assert answer("trim", folder, "--V-a", found["V_a_mps"], "--gamma", 0)["trims"][0]["trim"]
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     folder = shutil.copytree(adopted[0], tmp_path / "T38")
     file = folder / "gains.json"
@@ -247,7 +247,7 @@ OUT = "fcs/speedbrake-pos-norm is"
 TRIM = "fcs/pitch-trim-cmd-norm"
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parts", "note", "table", "values"),
     [
@@ -603,7 +603,7 @@ def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, surveye
     assert max(poles) == pytest.approx(-2.3 * 4.0, rel=1e-6)
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_of_a_motor_that_is_far_too_strong_a_part_of_the_throttle_is_used(own, surveyed):
     found = surveyed(own(power=36576))
 

@@ -17,6 +17,8 @@ import flighttune as ft
 from flighttune.studies.paper import claims
 from flighttune.studies.paper.study import Study
 
+pytestmark = pytest.mark.slow
+
 NINE_DIGITS = 1e-8
 ROUNDING = 2e-3
 """Of a number in the text of the errata, relative: they are given to three digits or more."""
@@ -35,7 +37,6 @@ def charts_of(reproduction):
     return [chart for sheet in figures for chart in sheet.charts]
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize("name", ORDER)
 def test_an_item_has_figures_a_table_and_a_text(reproduction, name):
     made, folder = reproduction
@@ -53,7 +54,6 @@ def test_an_item_has_figures_a_table_and_a_text(reproduction, name):
     assert "## Assumed" in text
 
 
-@pytest.mark.soak
 def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
     table = pd.read_csv(reproduction[1] / "fig8.csv")
 
@@ -63,7 +63,6 @@ def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
         assert np.max(np.abs(table[f"{name}_e_gamma_rad"] - e_gamma)) < NINE_DIGITS
 
 
-@pytest.mark.soak
 def test_the_committed_errata_are_those_computed_now(reproduction):
     now, committed = (path.read_text(encoding="utf-8") for path in (reproduction[0].errata, ERRATA))
 
@@ -72,7 +71,6 @@ def test_the_committed_errata_are_those_computed_now(reproduction):
     assert new == pytest.approx(old, rel=ROUNDING, abs=1e-9)
 
 
-@pytest.mark.soak
 def test_the_command_prints_the_answer_of_its_verb_with_the_values_of_an_item_and_all_claims(
     study, reproduction, tmp_path, monkeypatch
 ):
@@ -103,7 +101,6 @@ def html(reproduction):
     return reproduction[0].page.read_text(encoding="utf-8")
 
 
-@pytest.mark.soak
 def test_the_page_needs_nothing_but_itself_and_has_claims_first_and_every_figure(
     html, reproduction
 ):
@@ -123,7 +120,6 @@ def found(reproduction):
     return {finding.id: finding for finding in reproduction[0].findings}
 
 
-@pytest.mark.soak
 def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert {finding.verdict for finding in found.values()} == set(claims.VERDICTS)
     for name in ("overshoot-chi", "overshoot-gamma", "table-2", "eigenvalues"):
@@ -133,7 +129,6 @@ def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert len(found["table-2"].checks) == 12
 
 
-@pytest.mark.soak
 def test_the_theory_is_judged_by_what_it_says(found):
     computed = {name: [check.computed for check in found[name].checks] for name in found}
 
@@ -148,7 +143,6 @@ def test_the_theory_is_judged_by_what_it_says(found):
     assert found["larger-attractor"].verdict == "not reproduced"
 
 
-@pytest.mark.soak
 def test_the_largest_r_k_is_no_enhancement_behind_an_identified_lag(found):
     claim = found["overall-enhancement"]
 
@@ -158,7 +152,6 @@ def test_the_largest_r_k_is_no_enhancement_behind_an_identified_lag(found):
     assert [check.computed for check in claim.checks] == pytest.approx(printed, rel=0.01)
 
 
-@pytest.mark.soak
 def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(study, found):
     better = Study(star=study.optimum.gains)
 
@@ -168,7 +161,6 @@ def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(stu
         assert claims.judge(name, better).verdict == "not reproduced"
 
 
-@pytest.mark.soak
 def test_a_gain_of_the_wrong_sign_changes_verdicts(study, found):
     sign = np.array([[-1.0, 1.0], [1.0, 1.0]])
     wrong = Study(star=ft.PIGains(K_P=study.star.K_P, K_I=study.star.K_I * sign))

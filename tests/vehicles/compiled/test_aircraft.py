@@ -8,6 +8,7 @@ import pytest
 from airframes import fdm_of
 from commands import answer
 from compiled_flights import differing, flown_by_both
+from fuzzing import marked
 
 from flighttune.base.units import FT
 from flighttune.control.controller import FlightCondition
@@ -142,10 +143,17 @@ COMPILED = (
 SHORT = ("Camel", "B17", "X15", "t6texan2", "T38", "c310", "Short_S23")
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
-    [pytest.param(x, marks=[pytest.mark.counts] * (x not in SHORT)) for x in (*COMPILED, *REFUSED)],
+    [
+        *marked(SHORT, pytest.mark.soak, but=("T38", "X15")),
+        *(
+            pytest.param(model, marks=pytest.mark.counts)
+            for model in (*COMPILED, *REFUSED)
+            if model not in SHORT
+        ),
+    ],
 )
 def test_the_fleet_of_jsbsim_is_compiled_to_the_bit_or_refused_by_name(tmp_path, model):
     answer("adopt", model, "--out", tmp_path / model)

@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 from commands import answer, flighttune
+from fuzzing import marked
 
 import flighttune as ft
 from flighttune.vehicles.identification import file as model_file
@@ -136,8 +137,10 @@ PAGES = {
 }
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("kind", COMMANDS)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "kind", marked(COMMANDS, pytest.mark.soak, but=("identified", "tuned", "met", "exported"))
+)
 def test_what_rests_on_an_assumption_says_so(kind, folder):
     arguments = COMMANDS[kind].split()
     if kind == "flights compared":
