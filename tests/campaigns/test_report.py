@@ -15,7 +15,7 @@ from scipy import stats
 import flighttune as ft
 from flighttune.campaigns.dataset import dataset_hash
 from flighttune.campaigns.statistics import findings
-from flighttune.outputs.pages import campaign
+from flighttune.outputs.pages import campaign, campaign_charts
 
 pytestmark = pytest.mark.slow
 
@@ -131,6 +131,24 @@ def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decide
     assert "settling time of course (5\u00a0%) at most 5 s</span>" in first
     assert "initial airspeed" in first
     assert not re.search(r"certified|flight\.\w|chi\.\w", first)
+
+
+@pytest.mark.parametrize("ITAE", [4.0, 3.0, 1.3])
+def test_the_shares_are_drawn_within_their_range_with_room_on_both_sides(ITAE):
+    """`ITAE` is the bound that leaves all, some or few flights successful."""
+    made = made_up_plan(runs=4 * 200)
+    rows = made_up_rows(made)
+    rows["success"] = rows["success"] & (rows["chi.ITAE"] <= ITAE)
+
+    found = findings.findings_of(rows, made)
+
+    shares, *_ = campaign_charts.rates(found)
+    low, high = shares.x_range
+    ends = [100.0 * group[key] for group in found.values["groups"] for key in ("lo", "hi")]
+    width = max(ends) - min(ends)
+    assert low == -2.0 or min(ends) - low >= 0.05 * width
+    assert high == 102.0 or max(ends) + 0.1 * width <= high < 102.0
+    assert -2.0 <= low < min(ends) <= max(ends) < high <= 102.0
 
 
 def test_every_part_is_on_the_page(page):

@@ -349,6 +349,30 @@ def test_a_flight_control_that_does_not_come_to_rest_is_called_that(own, surveye
     assert found.tables["surfaces"]["elevator"]["replaces"] == ["fcs/fbw/tail"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [
+        # 1 - exp(-0.3 t) of its way: a tenth of it between 3 and 4 s
+        (0.3, "drifts while the aileron command is held"),
+        # it is there at 3 s, but not at once
+        (1.5, "keeps moving after the aileron command"),
+    ],
+)
+def test_a_flight_control_that_is_late_is_called_that(own, surveyed, rate, said):
+    late = f'<lag_filter name="a/roll"><input>fcs/aileron-cmd-norm</input><c1>{rate}</c1>'
+    late += "<output>fcs/left-aileron-pos-rad</output></lag_filter>"
+    others = (
+        f'<pure_gain name="a/{name}"><input>fcs/{name}-cmd-norm</input><gain>0.3</gain>'
+        f"<output>fcs/{name}-pos-rad</output></pure_gain>"
+        for name in ("elevator", "rudder")
+    )
+
+    found = surveyed(own(*more(system(late, *others))))
+
+    assert f"its flight control {said}" in " ".join(found.notes)
+
+
 OPEN = """<fcs_function name="a/open"><function><product><value>2</value>
 <property>a/lever</property></product></function><clipto><min>0</min><max>1</max></clipto><output>fcs/throttle-cmd-norm</output>
 </fcs_function>"""
