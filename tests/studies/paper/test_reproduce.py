@@ -15,6 +15,7 @@ from commands import answer, flighttune
 
 import flighttune as ft
 from flighttune.studies.paper import claims
+from flighttune.studies.paper.parameters import INDICATORS, STAR
 from flighttune.studies.paper.study import Study
 
 pytestmark = pytest.mark.slow
@@ -22,6 +23,9 @@ pytestmark = pytest.mark.slow
 NINE_DIGITS = 1e-8
 ROUNDING = 2e-3
 """Of a number in the text of the errata, relative: they are given to three digits or more."""
+
+DIGITS_OF_THE_STAR = 0.02
+"""Of R_K and I_K: gains and indicators are printed with two or three digits."""
 
 ORDER = (
     *("fig3", "gains", "fig6", "fig5", "fig12", "table2"),
@@ -61,6 +65,15 @@ def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
     for name in ("K1", "K*", "K6"):
         e_gamma = study.flights[name].channels["gamma"]
         assert np.max(np.abs(table[f"{name}_e_gamma_rad"] - e_gamma)) < NINE_DIGITS
+
+
+def test_the_curve_of_shifted_gains_begins_beyond_the_printed_ones_and_passes_them(reproduction):
+    plane = next(x for x in charts_of(reproduction) if x.title == "The plane of the indicators")
+    R_K, I_K = plane._seen[0]
+
+    off = np.abs(np.column_stack([R_K, I_K]) / INDICATORS[STAR] - 1.0).max(axis=1)
+    assert off.min() < DIGITS_OF_THE_STAR
+    assert 0 < off.argmin() < len(off) - 1
 
 
 def test_the_committed_errata_are_those_computed_now(reproduction):
