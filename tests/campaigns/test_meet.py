@@ -25,7 +25,7 @@ from flighttune.flight import models
 from flighttune.flight.entry import entry_of
 from flighttune.flight.metrics import measures
 from flighttune.outputs.answers.meeting import sentence
-from flighttune.outputs.pages.meet import write_meet_page
+from flighttune.outputs.pages.meet import _range, write_meet_page
 from flighttune.studies.meet import Search, _count, flights_to_meet
 from flighttune.studies.meeting import Trial
 
@@ -645,3 +645,25 @@ def test_the_share_of_gains_is_counted_on_draws_that_did_not_choose_them(draws, 
     assert chance <= 0.025
     # a choice between two makes it up to twice as likely
     assert abs(reached - campaigns * chance) <= 4.0 * np.sqrt(campaigns * chance)
+
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("values", "row", "low", "high"),
+    [
+        # from the best candidate to as far beyond the marks as they lie apart
+        ([1.0, 3.0, 50.0], {"bound": 4.0, "start": 8.0, "value": 2.0}, 1.0, 14.0),
+        ([-90.0, 3.0, 9.0], {"bound": 4.0, "start": 8.0, "value": 2.0}, -4.0, 9.0),
+        # no result, and a start that has no value
+        ([3.0, 5.0, NAN], {"bound": 4.0, "start": NAN, "value": NAN}, 3.0, 5.0),
+    ],
+)
+def test_an_axis_of_candidates_reaches_from_the_best_to_a_little_beyond_the_marks(
+    values, row, low, high
+):
+    room = 0.05 * (high - low)
+    expected = low - room, high + room
+
+    assert _range(np.array(values), row) == pytest.approx(expected)
