@@ -10,7 +10,7 @@ from made_up import made_up_run
 import flighttune as ft
 from flighttune.flight import metrics
 from flighttune.flight.loop import kernel
-from flighttune.flight.loop.measures import error_measures
+from flighttune.flight.loop.measures import error_measures, step_measures
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
@@ -40,6 +40,17 @@ def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook
     root = math.sqrt(1.0 - damping**2)
     assert found["MO_rad"] == pytest.approx(math.exp(-math.pi * damping / root), abs=1e-6)
     assert found["PT_s"] == pytest.approx(math.pi / (omega * root), abs=SAMPLING)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_response_that_overshoots_within_a_sample_is_judged_by_the_side_it_came_from(sign):
+    t, error = np.linspace(0.0, 0.4, 5), sign * np.array([1.0, -0.5, -0.25, 0.125, 0.0])
+
+    peak_time, overshoot, rise = step_measures(t, error)
+
+    assert (peak_time, overshoot) == (pytest.approx(0.1), 0.5)
+    # the line from 1 to -0.5 passes 0.9 and 0.1 a fifteenth and nine fifteenths on its way
+    assert rise == pytest.approx(0.1 * (0.9 - 0.1) / 1.5)
 
 
 def test_an_exponential_has_the_integrals_and_times_of_its_formula():
