@@ -44,7 +44,7 @@ def test_a_gap_of_the_log_is_bridged(tmp_path):
     chi, _ = conditions.reference_of(
         followed.followed(replace(log, signals=holed), "aerosonde")
     ).sampled(np.array([5.0]))
-    assert chi == pytest.approx(turn(5.0), abs=10.0 * TENTH_DEG)
+    assert chi == pytest.approx(turn(5.0), abs=TENTH_DEG)
 
 
 @pytest.mark.parametrize(
