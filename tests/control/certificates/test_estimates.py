@@ -92,10 +92,7 @@ def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate():
 
 @pytest.mark.parametrize(
     ("source", "words"),
-    [
-        (MODEL, "`envelope`, `lag` and `navigation` not"),
-        ("mission", "`navigation` must be 'rtk'"),
-    ],
+    [(MODEL, "`envelope`, `lag` and `navigation` not"), ("mission", "`navigation` must be 'rtk'")],
 )
 def test_estimates_of_what_has_no_speed_or_grade_are_refused(source, words):
     grade = "standard" if source is MODEL else "exact"
