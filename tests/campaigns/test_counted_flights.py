@@ -5,6 +5,7 @@ from counted_turns import START
 from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
+from flighttune.campaigns.planning.schema import Uniform
 from flighttune.claims import counted_flights
 
 
@@ -57,3 +58,21 @@ def test_what_is_drawn_of_the_air_is_drawn_where_there_is_such_air(air, kept):
     campaign = plan_of(tables_of((AEROSONDE,), gains=[SOFT], **air_moves), *drawn).campaign
 
     assert {table.key for table in counted_flights.in_air(campaign, air).disperse} == kept
+
+
+@pytest.mark.parametrize(
+    ("acts", "own", "ends"),
+    [
+        ("sets", 20.0, [0.5, 1.5]),
+        ("adds", 20.0, [20.5, 21.5]),
+        ("multiplies", 20.0, [10.0, 30.0]),
+        ("multiplies", -20.0, [-30.0, -10.0]),
+    ],
+)
+def test_the_range_of_a_key_is_that_of_its_flights(acts, own, ends):
+    table = Uniform(key="flight.chi_deg", acts=acts, lower=0.5, upper=1.5)
+
+    assert counted_flights._range(table, own) == ends
+    if acts != "sets":
+        with pytest.raises(ft.InputError, match=r"`acts` of `flight.chi_deg` must be sets"):
+            counted_flights._range(table, None)

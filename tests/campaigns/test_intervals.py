@@ -130,3 +130,19 @@ def test_pairs_of_gains_are_compared_as_scipy_does():
     (turned,) = intervals.paired(rows.iloc[::-1], "chi.ITAE", confidence=0.9)
     assert (turned["a"], turned["wins_a"], turned["only_a"]) == ("b", wins[1], only[1])
     assert turned["p_success"] == pytest.approx(pair["p_success"])
+
+
+def test_of_no_flights_nothing_is_known():
+    assert intervals.quantile_interval(np.array([]), 0.5) == (-np.inf, np.inf)
+    none = intervals.share(np.zeros(0, dtype=bool), np.zeros(0))
+    assert (none.lo, none.hi, none.n) == (0.0, 1.0, 0)
+    assert np.isnan(none.value)
+
+
+def test_gains_without_a_draw_that_both_fly_are_not_compared():
+    rows = pd.DataFrame({
+        "plant": "p", "draw": [0, 1], "gains": ["a", "b"], "success": True, "chi.ITAE": [1.0, 2.0],
+        "status": "completed",
+    })  # fmt: skip
+
+    assert intervals.paired(rows, "chi.ITAE") == []

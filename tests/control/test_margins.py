@@ -139,3 +139,24 @@ def test_an_unstable_loop_has_no_margins():
     assert margins.loop_margins(MODEL, nothing) == ()
     assert margins.lag_margin(MODEL, nothing) == 0.0
     assert margins.delay_margin(MODEL, nothing) == 0.0
+
+
+def decoupled(damping, proportional, integral):
+    """Two loops ``s (s + damping) + proportional s + integral``, each on its own."""
+    model = replace(MODEL, A=-damping * np.eye(2), B=-np.eye(2))
+    return model, ft.PIGains(K_P=proportional * np.eye(2), K_I=integral * np.eye(2))
+
+
+def test_a_lag_that_no_loop_minds_and_one_that_is_below_the_shortest_are_its_ends():
+    # By Routh a lag T keeps it stable where (damping + proportional) (1 + damping T) > T integral.
+    assert margins.lag_margin(*decoupled(2.0, 1.0, 5.0)) == np.inf
+    assert margins.lag_margin(*decoupled(2.0, 1.0, 7.0)) == pytest.approx(3.0, rel=1e-6)
+    assert margins.lag_margin(*decoupled(0.0, 1.0, 2e4)) == margins.SHORTEST_LAG
+
+
+def test_a_response_at_a_pole_is_as_large_as_beside_it():
+    at_rest, slow = margins.channel_responses(MODEL, K6, np.array([0.0, 1e-3]))
+
+    assert np.isfinite(at_rest).all()
+    assert (np.abs(at_rest) > np.abs(slow)).all()
+    assert (margins.cut_margins((np.eye(2), np.eye(2), np.zeros((2, 2))), MODEL.inputs)) == ()

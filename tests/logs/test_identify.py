@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from commands import answer, flighttune
 from log_files import LOAD, ROLL, sampled, write_csv, write_tlog, write_ulog
+from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.logs import identify
@@ -241,3 +242,11 @@ def test_a_lag_beyond_the_range_of_the_fit_is_said(tmp_path, late, says):
 
     reasons = [channel.reason for channel in found.channels.values()]
     assert says in " ".join([*reasons, *found.untold.values()])
+
+
+def test_take_off_and_landing_are_below_half_the_usual_speed():
+    speed = [0.0, 9.9, 10.1, 12.0, *[20.0] * 9, np.nan]
+    run = made_up_run({"V_a": speed, "V_g": 0.0})
+
+    assert identify.flying(run).tolist() == [False, False, *[True] * 11, False]
+    assert not identify.flying(run, np.full(len(speed), np.nan)).any()

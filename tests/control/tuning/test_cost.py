@@ -10,6 +10,7 @@ from scipy.linalg import solve_continuous_are
 
 import flighttune as ft
 from flighttune.control.tuning.problem import quadratic_cost
+from flighttune.control.tuning.tuning_keys import TuningTable
 
 INTEGRATED = 1e-6
 DIFFERENCED = 1e-5
@@ -126,3 +127,12 @@ def test_a_rate_above_what_exists_is_refused_with_the_largest(problem):
 def test_a_cost_that_means_nothing_is_refused(problem, changes, message):
     with pytest.raises(ft.InputError, match=message):
         replace(problem, **changes)
+
+
+def test_weights_that_are_left_out_are_those_of_the_page():
+    errors, commands = TuningTable(objective="cost").weights
+    stated = TuningTable(objective="cost", error_weights=[2.0, 3.0], command_weights=[4.0, 5.0])
+
+    assert (errors.tolist(), commands.tolist()) == ([1.0, 1.0], [0.1, 0.1])
+    assert [weights.tolist() for weights in stated.weights] == [[2.0, 3.0], [4.0, 5.0]]
+    assert TuningTable().weights is None
