@@ -7,11 +7,12 @@ import pandas as pd
 import pytest
 from commands import answer, flighttune
 from log_files import heavy_cessna, sampled, write_csv
+from made_up import made_up_run
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
 import flighttune as ft
-from flighttune.gaps.of_log import FACTORS
+from flighttune.gaps.of_log import FACTORS, _stretches
 from flighttune.logs.identify import interval_of
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
@@ -211,3 +212,19 @@ def test_a_log_without_roll_commands_is_one_line(log):
 
     with pytest.raises(ft.InputError, match="must have phi_cmd"):
         ft.gap(bare, aircraft="c172p")
+
+
+def test_stretches_of_a_log_begin_after_its_gaps_and_none_overlap():
+    t = np.arange(1501) * 0.1
+    columns = dict.fromkeys(("chi", "gamma", "n_z"), 0.0) | {"V_g": 20.0, "phi": 0.0}
+    columns["phi_cmd"] = np.radians(6.0) * np.sign(np.sin(t))
+    columns["phi"] = np.where(np.isin(t.round(1), (3.0, 5.0, 7.0, 60.0, 61.5)), np.nan, 0.0)
+
+    times, _ = _stretches(made_up_run(columns, t), 0.1)
+
+    # 17 s each, from the first sample after the gaps until 7 s and until 61.5 s
+    starts = times[:, 0]
+    expected = [7.1, 24.2, 41.3, 61.6, 78.7, 95.8, 112.9, 130.0]
+    assert starts == pytest.approx(expected, abs=0.01)
+    assert not any(((row[0] <= 60.0) & (60.0 <= row[-1])) for row in times)
+    assert (np.diff(starts) >= 17.0).all()

@@ -82,3 +82,14 @@ def test_a_dispersed_quantity_is_said_in_words(key, words):
 )
 def test_a_bound_in_few_digits_is_on_its_side(value, digits, below, above):
     assert (at_least(value, digits), at_most(value, digits)) == (below, above)
+
+
+def test_a_requirement_in_words_has_all_its_values_in_the_unit_shown():
+    shown = labels.in_words(
+        {"measure": "chi.peak_rad", "bound": math.pi, "value": 0.5 * math.pi, "start": math.inf}
+    )
+
+    assert (shown["words"], shown["unit"]) == ("peak error of course", "deg")
+    assert shown["bound"] == pytest.approx(180.0)
+    assert shown["value"] == pytest.approx(90.0)
+    assert shown["start"] == math.inf
