@@ -5,7 +5,7 @@ import math
 import pytest
 
 import flighttune as ft
-from flighttune.control.laws.autopilot import _heading
+from flighttune.control.laws.autopilot import Motion, Track, _heading
 
 DT, G = 0.02, 9.81
 ROUNDED = 2e-6  # rad: the expected angles have six digits
@@ -314,6 +314,27 @@ def test_tecs_climbs_as_the_sources_of_px4_and_ardupilot_do(period, parameters, 
     # TECS.cpp of PX4 and AP_TECS.cpp of ArduPilot, sample by sample with their default parameters
     found = climbed({period: 15.0, **parameters}, **flight)[2]
     assert found == pytest.approx(angle, abs=1e-10)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_integral_of_tecs_of_ardupilot_fades_while_the_pitch_is_at_its_limit(side):
+    # AP_TECS::_update_pitch: by 1 - dt / (dt + time constant) a sample, the constant 5 s
+    steady = Motion(0.0, 20.0, (20.0, 0.0), (0.0, 0.0), 20.0, 0.0, 0.0, 100.0, 0.0)
+    track = Track(0.0, 0.0, 100.0 + side, 0.0, 0.0)
+
+    def kept(integral):
+        balance = made(L1 | {"TECS_TIME_CONST": 5.0}).height
+        balance.start(steady, 20.0)
+        balance.integral = side * integral
+        balance.climb_angle(steady, track, -0.1, 0.1)
+        return side * balance.integral
+
+    at_limit = 0.1 * 20.0 * G
+    for less, more, part in (
+        (at_limit + 0.5, at_limit + 1.0, DT / (DT + 5.0)),
+        (0.2 * at_limit, 0.7 * at_limit, 0.0),
+    ):
+        assert (kept(more) - kept(less)) / (more - less) == pytest.approx(1.0 - part, abs=1e-9)
 
 
 UP, DOWN = {"track": 200.0}, {"track": 20.0}
