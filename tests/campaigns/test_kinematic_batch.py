@@ -10,6 +10,7 @@ import flighttune as ft
 from flighttune.campaigns.flying import columns
 from flighttune.campaigns.flying import rows as flying
 from flighttune.campaigns.planning.schema import MEASURES
+from flighttune.vehicles.navigation_keys import NavigationTable
 
 pytestmark = pytest.mark.slow
 
@@ -205,6 +206,8 @@ OTHERS = {
     "disturbance.chi_switch_s[0]": 0.9,
     "disturbance.gamma_switch_s[0]": 0.9,
     "sensors.noise_time_constant_s": 0.4,
+    "navigation.velocity_sd_mps": 1.5,
+    "navigation.grade": "poor",
     "wind.speed_mps": 9.0,
     "wind.from_deg": 30.0,
     "wind.down_mps": 1.0,
@@ -221,8 +224,10 @@ OF_OTHERS = {
     "wind": {"level"},
     "limits": {"n_x", "n_x_rate_per_s"},
     "controller": {"speed_priority"},
+    "navigation": NavigationTable.model_fields.keys() - {"velocity_sd_mps", "grade"},
 }  # fmt: skip
-"""What is not dispersed, needs an aircraft, is flown alone, or is for an airspeed to follow."""
+"""What is not dispersed, needs an aircraft, is flown alone or drawn with another number, or is for
+an airspeed to follow."""
 
 
 def base(key):
@@ -234,6 +239,8 @@ def base(key):
         tables["limits"]["phi_deg"] = [-10.0, 10.0]
     if key == "sensors.noise_time_constant_s":
         tables["sensors"] = {"chi_noise_sd_deg": 1.0}
+    if key.startswith("navigation."):
+        tables["navigation"] = {"grade": "standard"}
     if key == "disturbance.path":
         tables["disturbance"] = {**WAVE, "as_wind": True}
     if key.endswith("_switch_s[0]"):
@@ -246,7 +253,11 @@ def base(key):
 
 @pytest.mark.parametrize(
     "key",
-    marked(OTHERS, pytest.mark.soak, but=("disturbance.wave", "disturbance.gamma_switch_s[0]")),
+    marked(
+        OTHERS,
+        pytest.mark.soak,
+        but=("disturbance.wave", "disturbance.gamma_switch_s[0]", "navigation.velocity_sd_mps"),
+    ),
 )
 def test_every_other_key_of_a_scenario_is_honoured_or_flown_alone(key):
     plan = plan_of(base(key), one_of(key, OTHERS[key]), runs=1)

@@ -78,6 +78,10 @@ VERBS = {
         ["paper", "--frontier", "--points", 3],
     ),
     "certify": (lambda: ft.certify("paper", "K1"), ["paper", "--gains", "K1"]),
+    "gradient": (
+        lambda: ft.gradient("exact_law", by=["K_P.phi.chi"], measures=["chi.ITAE"]),
+        ["exact_law", "--by", "K_P.phi.chi", "--measure", "chi.ITAE"],
+    ),
     "verify": (verified, ["certificate.json"]),
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "mission --plan": (lambda: ft.route("circuit"), ["circuit", "--plan"]),
