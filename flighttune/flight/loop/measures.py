@@ -120,7 +120,5 @@ def first_below(t: FloatArray, to_go: FloatArray, level: float) -> float:
     k = int(np.argmax(to_go <= level))  # the first
     if not to_go[k] <= level:
         return math.nan
-    if k == 0:
-        return float(t[0])
     before, after = to_go[k - 1], to_go[k]
     return float(t[k] + (t[k - 1] - t[k]) / (before - after) * (level - after))

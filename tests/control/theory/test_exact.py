@@ -131,3 +131,9 @@ def test_a_radius_and_a_multiplier_must_be_positive(name):
 
     assert verdict().valid
     assert verdict(**{name: -stated[name]}).reason.startswith(f"{name} > 0 does not hold: margin ")
+
+
+def test_an_exact_number_beyond_all_floats_is_infinite_on_its_side():
+    assert theory.as_float(Fraction(10) ** 400) == math.inf
+    assert theory.as_float(-(Fraction(10) ** 400)) == -math.inf
+    assert theory.as_float(Fraction(-1, 4)) == -0.25

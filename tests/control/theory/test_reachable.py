@@ -294,3 +294,14 @@ def test_a_loop_has_its_bits_in_any_stack():
 
     alone = [largest_errors(loop, errors=2) for loop in loops]
     np.testing.assert_array_equal(together, alone)
+
+
+def test_a_loop_without_a_lyapunov_solution_leaves_those_of_the_others():
+    # A'Q + Q A = -1 has the solution 1 / (2 rate) of each rate, and none where a rate is 0
+    loops = np.stack([-np.eye(2), np.zeros((2, 2)), np.diag([-2.0, -4.0])])
+
+    found = tabulated._lyapunov_spectra(loops)
+
+    assert found[0] == pytest.approx([0.5, 0.5])
+    assert np.isnan(found[1]).all()
+    assert found[2] == pytest.approx([0.125, 0.25])

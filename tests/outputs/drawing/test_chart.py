@@ -130,3 +130,11 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
     assert {"Gap ", "Course", "Path angle", "Mismatch"} <= set(texts)
     assert texts.count("error") == 3
     assert "prefers-color-scheme: dark" in root.find(f"{SVG}style").text
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_step_with_one_round_value_between_the_ends_gives_way_to_the_next_smaller_one(sign):
+    # of steps of 50, next to (88 - 4) / 2, there is 50 alone
+    values = [value for value, _ in ticks((4.0 * sign, 88.0 * sign), 2.0)]
+
+    assert sorted(sign * value for value in values) == [20.0, 40.0, 60.0, 80.0]
