@@ -11,6 +11,7 @@ from log_files import heavy_cessna
 import flighttune as ft
 from flighttune.logs import relations
 from flighttune.logs.checks import _rotated, checked
+from flighttune.logs.relations import STEEP, Motion, _body_rate
 
 FEW = ("p sign", "n_z without gravity", "V_a in kn", "V_err sign")
 MORE = (
@@ -177,3 +178,26 @@ def test_an_airspeed_is_copied_where_it_is_the_ground_speed_in_flight(V_a, V_g, 
     columns["V_a"] = np.where(on_ground, 0.9, V_a)
 
     assert relations.copied(relations.Motion(columns, 0.1)) == same
+
+
+@pytest.mark.parametrize("heading", [True, False])
+def test_pitch_rates_of_a_steep_climb_are_judged_by_a_heading_alone(heading):
+    """A pull-up at 0.1 rad/s without a turn; a course says nothing of a path steeper than STEEP."""
+    dt, theta = 0.1, 0.01 * np.arange(150)
+    columns = {
+        "phi": 0.0 * theta,
+        "theta": theta,
+        "p": 0.0 * theta,
+        "q": 0.1 + 0.0 * theta,
+        "r": 0.0 * theta,
+        "v_north": 25.0 * np.cos(theta),
+        "v_east": 0.0 * theta,
+        "v_down": -25.0 * np.sin(theta),
+    } | ({"psi": 0.0 * theta} if heading else {})
+
+    given, expected = _body_rate(1)(Motion(columns, dt))
+
+    judged = np.ones(len(theta), bool) if heading else np.cos(theta) > STEEP + 0.01
+    judged[[0, -1]] = False
+    assert expected[judged] == pytest.approx(given[judged], rel=1e-3)
+    assert np.isnan(expected[np.cos(theta) < STEEP - 0.01]).all() == (not heading)
