@@ -467,7 +467,7 @@ def test_only_what_is_said_of_a_trusted_signal_passes(table):
         ft.load_log(path, columns={"trusted": "thetta"})
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_ulog(tmp_path / "flight.ulg", *sampled(flight))

@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.base.files.table import tables_of, value_of
+from flighttune.control.certificates.certificate import law_gravity
 from flighttune.control.certificates.make import certify_model
 from flighttune.control.linear_model import Envelope
 from flighttune.control.tuning.envelope import largest_factor
@@ -311,3 +312,14 @@ def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
     assert "no longer those that it was made with" in page.read_text()
     with pytest.raises(ft.InputError, match=r"must be those .* proven"):
         flown.within(ft.load(tube_file))
+
+
+def test_models_have_the_gravity_of_the_law_at_their_own_speeds_and_angles_or_none():
+    conditions = [(25.0, np.pi / 12), (30.0, -0.1)]
+    at = [ft.loop.kinematic_model(V_a=V_a, gamma=gamma, g=1.62) for V_a, gamma in conditions]
+
+    assert law_gravity(conditions, at) == pytest.approx(1.62)
+    assert law_gravity(conditions[::-1], at) is None
+    assert law_gravity(conditions[:1], [replace(at[0], B=0.0 * at[0].B)]) is None
+    assert law_gravity(conditions[:1], [replace(at[0], B=-at[0].B)]) is None
+    assert law_gravity([(25.0, np.pi / 2)], at[:1]) is None

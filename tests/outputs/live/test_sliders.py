@@ -79,3 +79,12 @@ def test_a_value_that_no_slider_has_is_refused(values, what):
     _, every = page_of("level_turn")
     with pytest.raises(ft.InputError, match=what):
         sliders.checked(every, values)
+
+
+@pytest.mark.parametrize("name", ["paper", "exact_law"])
+def test_gains_of_the_channels_come_first_then_those_across_then_the_scenario(name):
+    groups = list(dict.fromkeys(slider.group for slider in page_of(name)[1]))
+
+    assert groups[:2] == ["Gains", "Gains across channels"]
+    ours = [slider.group for slider in page_of(name)[1]]
+    assert ours == sorted(ours, key=groups.index)
