@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from commands import flighttune
 
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
@@ -164,3 +165,27 @@ def test_docstring_and_annotation_of_a_verb_state_the_same_units(place):
 
     arguments = verbs.arguments_of(place)
     assert {x: [arguments[x].unit] * bool(arguments[x].unit) for x in described} == units
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("tune paper --frontier --page x.html", "must be absent with --frontier"),
+        ("tune paper --frontier --lag 0.1:0.2", "must be absent with --frontier"),
+        ("tune paper --frontier --out x.json", "must be a folder with --frontier"),
+        ("tune paper --points 5", "--points must be absent without --frontier"),
+        ("mission circuit --plan --flights 5", "`flights` must be absent with --plan"),
+        ("mission circuit --plan --page x.html", "`page` must be absent with --plan"),
+        ("design aerosonde", "--out must be given for an aircraft that is shipped"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused_in_a_line(
+    tmp_path, monkeypatch, command, words
+):
+    monkeypatch.chdir(tmp_path)
+
+    _, error = flighttune(*command.split(), status=2)
+
+    assert words in error
+    assert error.count("\n") == 1
+    assert not [*tmp_path.iterdir()]
