@@ -5,13 +5,17 @@ import random
 import signal
 import sys
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from misused import misused, wrong
+from printed import MODEL
 
 import flighttune as ft
+from flighttune.control.inner_loop import inner_loop_scaling
+from flighttune.control.theory.lyapunov import lyapunov_solution
 
 
 class TooLongError(BaseException):
@@ -51,6 +55,7 @@ def test_a_misused_call_is_refused_in_one_line(tmp_path, monkeypatch, cases):
 
 HUGE = 10**400
 GAINS = {"K_P": np.eye(2), "K_I": np.eye(2)}
+LAG = ft.loop.InnerLag(order=1, natural_frequency=9.0)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +99,30 @@ GAINS = {"K_P": np.eye(2), "K_I": np.eye(2)}
             "`noise_sd` must be 3 finite numbers, got [[1.e+308 1.e+308] [1.e+308 1.e+308]].",
         ),
         (lambda: ft.loop.LaggedPlant(object(), ()), "`plant` must be a Plant, got an object."),
+        (
+            lambda: replace(ft.loop.Limits.none(2), lower=np.zeros((1, 2))),
+            "`lower` must have 1 axis, ",
+        ),
+        (
+            lambda: ft.loop.CommandLimiter(ft.loop.Limits.none(2), 0.1).start([0.0]),
+            "`u` must be 2 finite numbers, got [0.0].",
+        ),
+        (
+            lambda: ft.loop.CommandLimiter(ft.loop.Limits.none(2), 0.1).start([0.0, np.nan]),
+            "`u` must be 2 finite numbers, got [0.0, nan].",
+        ),
+        (
+            lambda: lyapunov_solution(-np.eye(2), np.eye(3)),
+            "`S` must have shape (..., 2, ...), got (3, 3).",
+        ),
+        (
+            lambda: inner_loop_scaling(replace(MODEL, B=0.0 * MODEL.B), [LAG, LAG]),
+            "`model` must have inputs that act on it, got B = ",
+        ),
+        (
+            lambda: ft.plan_campaign(ft.load_campaign("first_campaign"), runs=4).values_of(9),
+            "`draw` must be 0 to ",
+        ),
     ],
 )
 def test_a_call_of_another_kind_says_name_demand_and_value(call, line):
