@@ -78,6 +78,19 @@ def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
     assert path.slope.max() == pytest.approx(math.tan(6 * DEG))
 
 
+@pytest.mark.parametrize("V_a", [15.0, 25.0])
+def test_a_climb_begins_over_the_two_seconds_around_its_place(V_a):
+    """The slope is that of the mean height over 2 s of flight: it grows evenly."""
+    path = plan(points((0, 0), (1000, 0), (2000, 0, 100)), replace(ABILITY, V_a=V_a))
+
+    at = 1000.0 + V_a * np.array([-1.1, -1.0, -0.5, 0.0, 0.5, 1.0, 1.1])
+    slopes = np.interp(at, path.s, path.slope)
+    assert slopes == pytest.approx(0.1 * np.array([0, 0, 0.25, 0.5, 0.75, 1, 1]), abs=2e-3)
+    # half a second of climb is reached after a second, as after a step of the slope at the place
+    assert np.interp(1000.0 + V_a, path.s, path.up) == pytest.approx(0.1 * V_a, abs=0.01)
+    assert np.interp(1000.0, path.s, path.up) == pytest.approx(0.1 * V_a / 4.0, abs=0.03)
+
+
 @pytest.mark.parametrize(
     ("route", "message"),
     [
