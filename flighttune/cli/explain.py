@@ -53,10 +53,10 @@ def gap(explain_gap: Verb, scenario: str, out: Path | None, claims: list[Path] |
 
 
 def gradient(slopes: Verb) -> Answer:
-    """Compute slopes of measures of a flight by gains, or by numbers of SCENARIO.
+    """Compute slopes of measures of a flight with respect to gains or numbers of SCENARIO.
 
-    Law, limits and aircraft are differentiated step by step. Exit status 2 if what is asked for has
-    no slope: a settling time counts samples.
+    Law, limits and aircraft are differentiated step by step. Exit status 2 if a measure has no
+    slope, such as a settling time, which counts samples.
     """
     return slopes().answer()
 

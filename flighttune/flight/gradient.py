@@ -1,4 +1,4 @@
-"""Slopes of the measures of a flight by its gains, and by numbers of its scenario."""
+"""Slopes of the measures of a flight with respect to its gains and numbers of its scenario."""
 
 import math
 import re
@@ -30,31 +30,31 @@ from flighttune.flight.scenario.load import places_of, scenario_from, value_at, 
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.base import OVER_GROUND
 
-# In keys of what an airframe may be off its nominal; a factor of exactly 1 is no part of its step,
-# one beside it is.
+# Part of the keys of airframe factors. The step leaves out a factor of exactly 1, so a slope is
+# taken at the next double.
 AIRFRAME, OFF_NOMINAL = ".airframe.", 2.0**-52
 
-# Groups of gains, by the names of their fields.
+# Fields of gains.
 GAINS = ("K_P", "K_I", "feedback")
 
-# Beginnings of the names of measures without a slope: they count samples, and go in steps.
+# Beginnings of the names of measures without a slope: they count samples, so they change in steps.
 IN_SAMPLES = ("PT_s", "settling_s", "saturation_s", "held_", "swings")
 
-# Keys of times that fall on samples, and so go in steps: not those of lags and filters.
+# Keys of times that are rounded to samples; times of lags and filters are not rounded.
 ON_SAMPLES = re.compile(r"(?<!rad)(?<!per)(?<!lag)(?<!time)(?<!constant)(?<!look_ahead)_s$|_hz$")
 
-# Measures of which slopes are taken where a scenario has no requirement.
+# Default measures where a scenario has no requirement.
 BY_DEFAULT = ("chi.MO_deg", "gamma.MO_deg", "chi.ITAE", "gamma.ITAE")
 
-# Half the width of the differences by which a parameter changes start and law, relative to it: of
-# gains, in which laws are nearly linear, and of other numbers, whose trims are good to 1e-9.
+# Relative half-width of the differences of start and law by a parameter: for gains, in which laws
+# are nearly linear, and for other numbers, whose trims are accurate to 1e-9.
 WIDTH_OF_GAINS, WIDTH = 1e-4, 1e-4
 
-# Largest move of a signal along its slope by which a measure is differentiated, rad, m or m/s; and
-# the share by which the slopes to both sides of a kink differ.
+# Largest change of a signal when a measure is differentiated, rad, m or m/s; relative difference
+# of the slopes on both sides above which the measure has a kink.
 MOVE, KINK = 1e-6, 1e-3
 
-# Share of a measure over its parameter below which a slope is rounding.
+# A slope below this share of measure over parameter is rounding.
 ROUNDING = 1e-6
 
 
@@ -70,10 +70,10 @@ class Gradient(Answering):
     values : mapping of str to float
         Value of each measure, in the unit of its name.
     slopes : sequence of mapping
-        ``measure``, ``parameter``, its ``value`` and the ``slope``; NaN at a kink of the measure,
-        and ``why``.
+        ``measure``, ``parameter``, its ``value`` and the ``slope``, which is NaN at a kink of the
+        measure; ``why`` then has the slopes on both sides.
     at_limits_s : float, s
-        Time in which limits hold a command.
+        Time for which a limit holds a command.
 
     Examples
     --------
@@ -98,22 +98,22 @@ def gradient(
     plant: str | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Gradient:
-    """Compute the slopes of measures of a flight by gains and by numbers of its scenario.
+    """Compute the slopes of measures of a flight with respect to gains and scenario numbers.
 
-    Law, limits and aircraft are differentiated step by step (forward mode), in a second for 30 s.
+    Law, limits and aircraft are differentiated step by step in forward mode. A flight of 30 s takes
+    about a second.
 
     Parameters
     ----------
     scenario : Scenario, str or Path
-        A scenario of an aircraft whose step is compiled; also its file, or the name of a shipped
-        one.
+        A scenario with an aircraft whose step is compiled, its file, or the name of a shipped one.
     by : sequence of str, optional
-        Parameters: ``K_P``, ``K_I`` or ``feedback`` for all of these gains but zeros, one as
-        ``K_P.phi.chi`` or ``feedback.n_z``, or a number of the scenario by its dotted key, such as
-        ``plant.airframe.mass_factor``; by default all gains but zeros.
+        Parameters: ``K_P``, ``K_I`` or ``feedback`` for all of these gains that are not zero; one
+        gain, such as ``K_P.phi.chi`` or ``feedback.n_z``; or a number of the scenario by its dotted
+        key, such as ``plant.airframe.mass_factor``. By default all gains that are not zero.
     measures : sequence of str, optional
-        Measures as [[expect]] names them, such as ``chi.MO_deg``; by default those that it bounds
-        and that have slopes, or overshoot and ITAE of both channels.
+        Measures as [[expect]] names them, such as ``chi.MO_deg``. By default the bounded measures
+        that have slopes, or else overshoot and ITAE of both channels.
     gains : PIGains or str, optional
         Gains, or a gain set by name or file; by default the first of the scenario.
     plant : str, optional
@@ -124,8 +124,8 @@ def gradient(
     Returns
     -------
     Gradient
-        The flight and its slopes. The start of the flight is differentiated by differences of
-        trims, all that follows exactly, for the samples at which limits hold a command.
+        The flight and its slopes. The start is differentiated by differences of trims, the rest of
+        the flight exactly. The samples at which limits hold a command are taken as fixed.
 
     Raises
     ------
@@ -199,16 +199,16 @@ def _check_smooth(name: str) -> None:
     """Refuse a measure that has no slope."""
     if name.startswith("loop."):
         raise InputError(
-            f"`measures` must be of a flight, got {name}, which is of the linear loop."
+            f"`measures` must be of a flight, got {name}, a measure of the linear loop."
         )
     if not _smooth(name):
         raise InputError(
-            f"`measures` must have slopes, got {name}: it counts samples, and goes in steps."
+            f"`measures` must have slopes, got {name}, which counts samples and changes in steps."
         )
 
 
 def _parameters(entry: Entry, by: Sequence[str]) -> dict[str, float]:
-    """Values of the parameters by name."""
+    """Value of each parameter."""
     found: dict[str, float] = {}
     known = _gains(entry.found_gains)
     for name in by:
@@ -217,7 +217,7 @@ def _parameters(entry: Entry, by: Sequence[str]) -> dict[str, float]:
         elif name in known:
             found[name] = known[name]
         elif name.startswith(tuple(f"{x}." for x in GAINS)):
-            raise InputError(f"`by` must be of the gains {', '.join(known)}, got {name}.")
+            raise InputError(f"`by` must be one of the gains {', '.join(known)}, got {name}.")
         else:
             found[name] = _number_at(entry.scenario, name)
     if not found:
@@ -226,7 +226,7 @@ def _parameters(entry: Entry, by: Sequence[str]) -> dict[str, float]:
 
 
 def _gains(gains: PIGains) -> dict[str, float]:
-    """Every gain by its name."""
+    """Each gain by its name."""
     fed = zip(COMMANDS, gains.feedback, strict=True)
     return {
         **{
@@ -240,7 +240,7 @@ def _gains(gains: PIGains) -> dict[str, float]:
 
 
 def _with_gain(gains: PIGains, name: str, value: float) -> PIGains:
-    """The gains with one of them replaced."""
+    """The gains with another value of one gain."""
     kind, *where = name.split(".")
     if kind == "feedback":
         fed = tuple(
@@ -253,9 +253,9 @@ def _with_gain(gains: PIGains, name: str, value: float) -> PIGains:
 
 
 def _number_at(scenario: Scenario, key: str) -> float:
-    """The number at a key of a scenario; one of the airframe that is absent is nominal."""
+    """The number at a key of a scenario; an absent number of the airframe is nominal."""
     if ON_SAMPLES.search(key):
-        raise InputError(f"`by` must have slopes, got {key}: its time falls on samples, in steps.")
+        raise InputError(f"`by` must have slopes, got {key}, which is rounded to samples.")
     tables = scenario.as_dict()
     try:
         places = places_of(key, tables, 1.0)
@@ -283,7 +283,7 @@ def _with(entry: Entry, name: str, value: float) -> Entry:
 
 
 def _with_slopes(entry: Entry, parameters: Mapping[str, float]) -> SlopedFlight:
-    """The flight of an entry with its slopes by parameters."""
+    """The flight of an entry with its slopes with respect to the parameters."""
     sides = {}
     for name, value in parameters.items():
         half = (WIDTH_OF_GAINS if name.startswith(GAINS) else WIDTH) * (abs(value) or 1.0)
@@ -299,7 +299,7 @@ def _with_slopes(entry: Entry, parameters: Mapping[str, float]) -> SlopedFlight:
 
 
 def _sampled(entry: Entry) -> Sampled:
-    """The flight of an entry, started; an InputError says why it is not compiled."""
+    """The flight of an entry after its start; an InputError if it is not compiled."""
     entry = entry.bound()
     scenario = entry.scenario
     plant = plant_of(entry.plant, scenario, compiled=True)
@@ -312,20 +312,20 @@ def _sampled(entry: Entry) -> Sampled:
     controller.start(condition)
     why = aircraft.refused
     if not flight.law_compiles or OVER_GROUND[0] in plant.signals:
-        why = "neither this law on this reference nor a path through the air has them"
+        why = "this law on this reference, or a path through the air, is not compiled"
     if why:
         raise InputError(f"{entry.label}: the flight must be compiled to have slopes, but {why}.")
     return sampled(flight, aircraft)
 
 
 def _check_same(run: Run, flight: SlopedFlight) -> None:
-    """Refuse slopes of a flight that is not that of JSBSim to the bit."""
+    """Refuse slopes of a flight that does not equal JSBSim's to the bit."""
     if not run.signals.equals(flight.table(flight.rows.copy())):
-        raise PlantError(f"{run.label}: the flight with slopes must be that of JSBSim, it differs.")
+        raise PlantError(f"{run.label}: the flight with slopes must equal JSBSim's, but differs.")
 
 
 def _measured(entry: Entry, table: pd.DataFrame) -> dict[str, float]:
-    """Measures of a table of signals that have a value, by the names of requirements."""
+    """Finite measures of a table of signals, by the names of requirements."""
     columns = {x: table[x].to_numpy() for x in metrics.MEASURED if x in table}
     expect = [x.model_dump(exclude_defaults=True) for x in entry.scenario.expect]
     found = metrics.measures_of(table.index.to_numpy(), columns, metrics.required_names(expect))
@@ -346,7 +346,7 @@ def _value(name: str, measured: Mapping[str, float]) -> float:
 def _slopes(
     entry: Entry, flight: SlopedFlight, place: int, names: Sequence[str], parameter: float
 ) -> Iterator[dict[str, Any]]:
-    """Slope of each measure by one parameter: along that of the signals, to both sides."""
+    """Slope of each measure with respect to one parameter, along the slopes of the signals."""
     slopes = flight.slopes[place]
     moves = flight.table(slopes.copy())
     size = float(np.abs(moves[[x for x in metrics.MEASURED if x in moves]].to_numpy()).max())

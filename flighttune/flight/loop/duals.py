@@ -1,7 +1,7 @@
-"""Dual numbers: a flight by compiled code flown again with the slopes of all that it computes.
+"""Dual numbers: a compiled flight flown again with the slopes of all values that it computes.
 
-The loop and the laws are those of the flight: their functions run on numbers that carry their
-slopes by p parameters, and the step of the aircraft is compiled with its slopes.
+Loop and laws are the functions of the flight, run on numbers that carry their slopes with respect
+to p parameters. The step of the aircraft is compiled with slopes.
 """
 
 import math
@@ -16,10 +16,10 @@ from flighttune.base.arrays import FloatArray
 
 
 class Dual:
-    """A number and its p slopes; it is compared by its value."""
+    """A number and its p slopes; comparisons use the number alone."""
 
     __slots__ = ("d", "x")
-    __array_ufunc__ = None  # a number of NumPy on the left leaves the operation to this class
+    __array_ufunc__ = None  # a NumPy number on the left leaves the operation to this class
 
     def __init__(self, x: float, d: FloatArray) -> None:
         self.x, self.d = x, d
@@ -97,7 +97,7 @@ def value_of(x: Dual | float) -> float:
 def _rule(
     function: Callable[[float], float], slope: Callable[[float, float], float]
 ) -> Callable[[Dual | float], Dual | float]:
-    """A function of one number on duals; `slope` is that of its argument and its value."""
+    """A function of one number, on duals; `slope` is a function of its argument and value."""
 
     def on_dual(x: Dual | float) -> Dual | float:
         if not isinstance(x, Dual):
@@ -127,7 +127,7 @@ def _copysign(x: Dual | float, sign: Dual | float) -> Dual | float:
     return Dual(y, x.d if y == x.x else -x.d)
 
 
-# What laws and loop use of `math`.
+# The part of `math` that laws and loop use.
 _MATH = SimpleNamespace(
     pi=math.pi,
     tau=math.tau,
@@ -147,7 +147,7 @@ _MATH = SimpleNamespace(
 
 @cache
 def on_duals(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that is written so that Numba compiles it, as one of duals."""
+    """A function written for Numba, as a function of duals."""
     plain = getattr(function, "py_func", function)
     scope = dict(plain.__globals__)
     for name in _names(plain.__code__):
@@ -165,7 +165,7 @@ def _names(code: CodeType) -> set[str]:
 
 
 class DualArray:
-    """An array of numbers, and those of their slopes: of shapes S and (p, *S)."""
+    """An array of numbers, shape S, and an array of their slopes, shape (p, *S)."""
 
     def __init__(self, values: FloatArray, slopes: FloatArray) -> None:
         self.values, self.slopes = values, slopes
@@ -177,7 +177,7 @@ class DualArray:
         values, slopes = self.values[key], self.slopes[_behind(key)]
         if isinstance(values, np.ndarray):
             return DualArray(values, slopes)
-        return Dual(float(values), slopes.copy())  # the array may be written meanwhile
+        return Dual(float(values), slopes.copy())  # the array may be overwritten later
 
     def __setitem__(self, key: Any, x: Dual | float) -> None:
         self.values[key] = value_of(x)
@@ -185,12 +185,12 @@ class DualArray:
 
 
 def _behind(key: Any) -> tuple[Any, ...]:
-    """The key of an element or part in an array that has one more axis before the others."""
+    """The key of an element or part in the array of slopes, which has one more axis in front."""
     return (slice(None), *key) if isinstance(key, tuple) else (slice(None), key)
 
 
 class Rows(DualArray):
-    """One array of a compiled step with slopes: a row for each, which begins with the values."""
+    """An array of a compiled step with slopes: a row per slope, each beginning with the values."""
 
     def __init__(self, values: FloatArray, slopes: FloatArray) -> None:
         self._n = n = len(values)
@@ -198,16 +198,16 @@ class Rows(DualArray):
         super().__init__(self.rows[0, :n], self.rows[:, n:])
         first = self.rows.ctypes.data
         self.addresses = [first + i * self.rows.strides[0] for i in range(len(slopes))]
-        # Where the loop asks for an address to hand to the step, it gets this.
+        # The loop hands `array.ctypes.data` to the step: here that is this object.
         self.ctypes = SimpleNamespace(data=self)
 
     def share(self) -> None:
-        """Give all rows the values of the first."""
+        """Copy the values of the first row to all rows."""
         self.rows[1:, : self._n] = self.values
 
 
 def step_of_rows(step: Callable[..., None]) -> Callable[..., None]:
-    """A compiled step with slopes, as the loop calls it: one flight for each slope."""
+    """A compiled step with slopes as the loop calls it: one call of the step for each slope."""
 
     def fly(
         states: Rows, parameters: Rows, steps: int, stream: int, shown: Rows, how_much: int

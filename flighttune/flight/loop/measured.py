@@ -1,4 +1,4 @@
-"""What a law is given at a sample: the signals of a plant to `Measured`."""
+"""The values that a law is given at a sample: `Measured`, from the signals of a plant."""
 
 import math
 from collections.abc import Callable
@@ -15,13 +15,13 @@ _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 _TRUE = itemgetter(*map(COMMON_SIGNALS.index, ("chi", "gamma", "V_a")))
 _STILL = 0.0, 0.0, 0.0
 
-# Signals of a law in the order of `Measured`, as a plant shows them and as navigation does.
+# Signals of a law in the order of `Measured`: the true ones, and those with navigation errors.
 TRUE_NAMES = "chi", "gamma", "V_a", "phi", "n_z"
 SEEN_NAMES = *MEASURED, *NAVIGATED[:2]
 
 
 def seen_names(signals: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the signals that a law sees as course, path angle, airspeed, roll, load factor."""
+    """Names of the course, path angle, airspeed, roll and load factor that a law sees."""
     return tuple(
         seen if seen in signals else name for name, seen in zip(TRUE_NAMES, SEEN_NAMES, strict=True)
     )
@@ -30,8 +30,9 @@ def seen_names(signals: tuple[str, ...]) -> tuple[str, ...]:
 class Moving:
     """The motion of an aircraft from one sample to the next.
 
-    The velocity over ground is the difference of positions, at the first sample that of its course
-    and airspeed; the acceleration along the path through the air is the difference of velocities.
+    The velocity over ground is the difference of positions; at the first sample it follows from
+    course, airspeed and wind. The acceleration along the path through the air is the difference of
+    velocities.
     """
 
     def __init__(self, dt: float) -> None:
@@ -62,12 +63,12 @@ class Moving:
 
 
 def measured_of(plant: Plant, h_0: float, dt: float) -> Callable[[tuple[float, ...]], Measured]:
-    """A function that makes `Measured` of the signals of a plant, one sample after another."""
-    signals, new = plant.signals, tuple.__new__  # a third of the time of the call of the class
+    """A function that turns the signals of a plant into `Measured`, sample by sample."""
+    signals, new = plant.signals, tuple.__new__  # takes a third of the time of calling the class
     angles = itemgetter(*map(signals.index, seen_names(signals)))
     h = signals.index("h") if "h" in signals else None
     n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
-    # Steered by its path through the air, a plant moves as in still air.
+    # A plant that follows its path through the air moves as in still air.
     air = signals.index(WIND[0]) if WIND[0] in signals and OVER_GROUND[0] not in signals else None
     has_body = {"theta", "elevator"} <= {*signals}
     body = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else None

@@ -1,4 +1,4 @@
-"""A flight by compiled code with the slopes of its signals by parameters, in forward mode."""
+"""A compiled flight with the slopes of its signals with respect to parameters, in forward mode."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
@@ -13,25 +13,25 @@ from flighttune.flight.loop.batch import Motion, SampledLaw
 from flighttune.flight.loop.duals import Dual, DualArray, Rows, on_duals, step_of_rows
 from flighttune.flight.loop.loop import Flight, Seen
 
-# Arrays that the step reads and writes by address, and others that the loop writes.
+# Arrays that the step accesses by address, and other arrays that the loop writes.
 STEPPED, WRITTEN = ("states", "parameters", "shown"), ("wind", "memory")
 
-# The same on both sides of the value of a parameter, and the distance between them.
+# A quantity below and above the value of a parameter, and the distance between the two.
 Sides: TypeAlias = tuple[Any, Any, float]
 
 
 class Sampled(NamedTuple):
-    """A flight that has started: what compiled code takes to fly it, and its first signals."""
+    """A flight after its start: the arguments of `fly_samples`, and its first signals."""
 
     aircraft: CompiledAircraft
     motion: Motion
     law: SampledLaw
     fed_back: bool  # whether the law sees the load factor that the inner loop follows
-    seen: Seen  # errors of what the law sees
+    seen: Seen  # errors of the signals that the law sees
     end: float  # m: length of the route
     first: FloatArray
     shape: tuple[int, int]  # samples and columns
-    table: Callable[[FloatArray], pd.DataFrame]  # of rows, as the flight has it
+    table: Callable[[FloatArray], pd.DataFrame]  # makes the table of the flight from its rows
 
 
 class SlopedFlight(NamedTuple):
@@ -44,7 +44,7 @@ class SlopedFlight(NamedTuple):
 
 
 def sampled(flight: Flight, aircraft: CompiledAircraft) -> Sampled:
-    """A flight whose plant and controller have started, by its compiled step."""
+    """The arguments of a compiled flight whose plant and controller have started."""
     (_, motion, law, fed_back, seen), end = flight.sampled(aircraft)
     first = np.array(aircraft.observe())
     shape, table = flight.shape, flight.table
@@ -52,13 +52,15 @@ def sampled(flight: Flight, aircraft: CompiledAircraft) -> Sampled:
 
 
 def fly_with_slopes(flight: Sampled, sides: Mapping[str, Sides]) -> SlopedFlight:
-    """Fly with the slopes by parameters, of which it has the flight on both `sides`, by name."""
+    """Fly with slopes; `sides` has, for each parameter, the flights below and above its value."""
     from flighttune.flight.loop.compiled import fly_samples
 
     for name, (*ends, _) in sides.items():
         pairs = (pair for side in ends for pair in zip(side.seen, flight.seen, strict=True))
         if not all(np.array_equal(a, b) for a, b in pairs):
-            raise InputError(f"`by` must have slopes, got {name}: those by errors are not known.")
+            raise InputError(
+                f"`by` must have slopes, got {name}, which changes the errors that the law sees."
+            )
     step, normals = flight.aircraft.sloped
     n, slopes = flight.shape[0], np.zeros((len(sides), *flight.shape))
     rows = DualArray(np.zeros(flight.shape), slopes)
@@ -79,7 +81,7 @@ def fly_with_slopes(flight: Sampled, sides: Mapping[str, Sides]) -> SlopedFlight
 
 
 def _tuple_with_slopes(base: Any, sides: Mapping[str, Sides]) -> Any:
-    """The numbers and arrays of a tuple as duals, where parameters change them."""
+    """A tuple with those numbers and arrays as duals that parameters change."""
     fields = {}
     for field, value in base._asdict().items():
         ends = {x: (getattr(a, field), getattr(b, field), w) for x, (a, b, w) in sides.items()}
@@ -99,14 +101,14 @@ def _with_slopes(field: str, value: Any, sides: Mapping[str, Sides]) -> Any:
     for name, (*ends, _) in sides.items():
         if any(np.shape(x) != array.shape or (counts and np.any(x != value)) for x in ends):
             raise InputError(
-                f"`by` must be numbers that have slopes, got {name}: it goes in steps."
+                f"`by` must be numbers that have slopes, got {name}, which changes in steps."
             )
-    if counts or field == "stream":  # room for random numbers
+    if counts or field == "stream":  # the stream is a buffer of random numbers
         return value
     slopes = _between(array, sides)
     if field in STEPPED:
         return Rows(array, slopes)
-    if field == "numbers":  # read at each sample: most are the same for all parameters
+    if field == "numbers":  # read at each sample; most have no slope and stay plain numbers
         pairs = zip(array.tolist(), slopes.T, strict=True)
         return [Dual(x, d.copy()) if d.any() else x for x, d in pairs]
     if not array.shape:
@@ -115,7 +117,7 @@ def _with_slopes(field: str, value: Any, sides: Mapping[str, Sides]) -> Any:
 
 
 def _between(value: FloatArray, sides: Mapping[str, Sides]) -> FloatArray:
-    """Slopes by differences of both sides, shape (p, *that of the value)."""
+    """Slopes by differences of both sides, shape (p, *S) for a value of shape S."""
     with np.errstate(invalid="ignore"):  # limits may be infinite, and feed-forward NaN
         rows = [np.subtract(b, a) / width for a, b, width in sides.values()]
     return np.where(np.isfinite(value), np.array(rows), 0.0)

@@ -1,4 +1,4 @@
-"""The answer of the slopes of a flight."""
+"""The answer of `flighttune gradient`."""
 
 from flighttune.base.words import number, pick
 from flighttune.flight.gradient import Gradient
@@ -7,10 +7,8 @@ from flighttune.outputs.answers.labels import columns, measure_words, metric_lab
 
 COLUMNS = columns("parameter value slope per_10_percent why", of="gradient")
 
-# What a slope means while a limit holds.
 HELD = (
-    "Limits hold a command in {:.2f} s of the flight: slopes are those with the same samples at "
-    "limits."
+    "Limits hold a command for {:.2f} s of the flight; slopes take the samples at limits as fixed."
 )
 
 

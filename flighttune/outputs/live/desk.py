@@ -1,4 +1,4 @@
-"""What the page works with: flights of what the sliders stand for, searches, and files to save."""
+"""Behind the page: flights with the values of the sliders, searches, and files to save."""
 
 import json
 import shlex
@@ -34,13 +34,13 @@ from flighttune.outputs.live.sliders import (
 )
 from flighttune.routes.fence import Fence, fence_tables, read_fence
 
-# Flights kept in memory, ghosts of a page, windows told apart, and aircraft that differ.
+# Most flights in memory, ghosts of a page and windows; aircraft of the button *20 aircraft*.
 MAX_FLOWN, MAX_GHOSTS, MAX_WINDOWS, AIRCRAFT = 12, 5, 50, 20
 
-# Longest wait for a search that was stopped, s.
+# Longest wait for a stopped search to end, s.
 END_S = 10.0
 
-# Flights of a search by default.
+# Default budget of a search, flights.
 BUDGET = 400
 
 # Gains that a search found, by the keys of their sliders.
@@ -49,10 +49,10 @@ Found: TypeAlias = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """A search, as every window sees it."""
+    """State of a search, sent to every window."""
 
     doing: str = ""
-    window: str = ""  # that began it
+    window: str = ""  # the window that began it
     said: str = ""
     part: float = 0.0
     done: bool = False
@@ -61,14 +61,14 @@ class State:
 
 
 class Search(CampaignObserver):
-    """A search that a page began and may stop; its state is replaced, never changed."""
+    """A search that a page may stop; its state is replaced, never changed."""
 
     def __init__(self, doing: str, window: str) -> None:
         self.doing, self.window, self.stopped = doing, window, False
         self.show("starting", 0.0)
 
     def show(self, said: str, part: float, **more: Any) -> None:
-        """Say how far it is, or how it ended."""
+        """Say how far the search is, or how it ended."""
         self.state = State(doing=self.doing, window=self.window, said=said, part=part, **more)
 
     def see(self, progress: CampaignProgress) -> None:
@@ -77,9 +77,9 @@ class Search(CampaignObserver):
         self.show(progress.sentence, min(done / max(runs, 1), 1.0))
 
     def go_on(self) -> None:
-        """Raise a StoppedError where the page stopped it."""
+        """Raise a StoppedError if the page has stopped the search."""
         if self.stopped:
-            raise StoppedError("the page stopped it.")
+            raise StoppedError("the page stopped the search.")
 
 
 class Desk:
@@ -95,22 +95,22 @@ class Desk:
         self._stated, self._folder, self._budget, self._beside = flights, folder, budget, beside
         self._fence = _fence_of(flights)
         self._flown: OrderedDict[str, Flown] = OrderedDict()
-        # Values for which a cloud or a corridor was flown, and that.
+        # The last cloud and the last corridor, each behind the values that it was flown with.
         self._cloud: tuple[str, list[Flown]] = ("", [])
         self._corridor: tuple[str, Band | None] = ("", None)
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._flying, self._searching = threading.Lock(), threading.Lock()
-        self._context = copy_context()  # of the verb: what it may run, and who flies
+        self._context = copy_context()  # the caller's permissions, and whether JSBSim flies
         compile_at_once()
         threading.Thread(target=self._fly_ahead, daemon=True).start()
 
     def _fly_ahead(self) -> None:
-        """Fly the start before a browser has asked for it: the first flight loads libraries."""
-        with suppress(FlightTuneError), self._flying:  # the page says why
+        """Fly the start before a browser asks for it: the first flight loads libraries."""
+        with suppress(FlightTuneError), self._flying:  # the page shows the error when it asks
             self._context.copy().run(self._flights, {})
 
     def picture(self, asked: Mapping[str, Any]) -> dict[str, str] | None:
-        """Pieces of the page for a move in a window; None if a later move came meanwhile."""
+        """Pieces of the page after a move in a window; None if a later move has arrived."""
         window, number = str(asked["window"]), int(asked["number"])
         newest = self._newest.pop(window, 0)
         self._newest[window] = max(number, newest)
@@ -139,7 +139,7 @@ class Desk:
         return json.dumps(checked(self.sliders, values))
 
     def _flights(self, values: Mapping[str, Any]) -> Flown:
-        """The flights of values of the sliders, flown once as long as they are kept."""
+        """The flights with these values of the sliders, from memory if they are still there."""
         key = self._key(values)
         flown = self._flown.pop(key, None)
         if flown is None:
@@ -150,7 +150,7 @@ class Desk:
         return flown
 
     def begin(self, asked: Mapping[str, Any]) -> None:
-        """Begin a search for a window; an InputError says that one is under way."""
+        """Begin a search for a window; an InputError if another search is running."""
         doing, values = str(asked["doing"]), dict(asked["values"])
         work = {
             "tune": self._tune,
@@ -160,7 +160,7 @@ class Desk:
         }[doing]
         scenario = moved(self.scenario, self.sliders, values)
         if not self._searching.acquire(blocking=False):
-            raise InputError("another search is under way: stop it first.")
+            raise InputError("another search is running: stop it first.")
         self.search = search = Search(doing, str(asked["window"]))
 
         def run() -> None:
@@ -168,7 +168,7 @@ class Desk:
                 said, found = work(scenario, values, search)
                 search.show(said, 1.0, done=True, values=found)
             except StoppedError:
-                search.show("stopped, nothing is changed.", 1.0, done=True)
+                search.show("stopped; nothing has changed.", 1.0, done=True)
             except FlightTuneError as error:
                 search.show(str(error), 1.0, done=True, failed=True)
             finally:
@@ -177,24 +177,24 @@ class Desk:
         threading.Thread(target=self._context.copy().run, args=(run,), daemon=True).start()
 
     def stop(self, _asked: Mapping[str, Any] | None = None) -> None:
-        """Stop the search that is under way."""
+        """Stop the running search."""
         self.search.stopped = True
 
     def close(self) -> None:
-        """Stop the search that is under way, and wait until its processes have ended."""
+        """Stop the running search, and wait until its processes have ended."""
         self.stop()
         if self._searching.acquire(timeout=END_S):
             self._searching.release()
 
     def _tune(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
         result = tune(scenario)
-        search.go_on()  # tuning has no end of its own: what it finds after a stop is left
+        search.go_on()  # tuning cannot be interrupted: its result is dropped after a stop
         if result.gains is None:
             raise InputError(result.reason or "no gains meet the constraints.")
         return f"R_K is {result.R_K:.4g} 1/s.", gain_values(result.gains)
 
     def _meet(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
-        from flighttune.studies.meet import meet  # here: the page must be there soon
+        from flighttune.studies.meet import meet  # here, so that the page opens quickly
 
         (entry,), law = scenario.gains, scenario.laws[0]
         gains = None if isinstance(entry, str) else entry.gains(law.kind)
@@ -205,7 +205,7 @@ class Desk:
     def _differ(
         self, scenario: Scenario, values: Any, search: Search
     ) -> tuple[str, dict[str, Any]]:
-        """Fly aircraft that differ one after the other; moves of sliders go between them."""
+        """Fly aircraft that differ, one by one; moves of sliders are flown in between."""
         plan, flown = plan_campaign(airframes(scenario), runs=AIRCRAFT), list[Flown]()
         for number in range(AIRCRAFT):
             search.go_on()
@@ -213,10 +213,10 @@ class Desk:
                 flown.append(Flown(fly(plan.scenario_of(number))))
             search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
         self._cloud = self._key(values), flown
-        return f"{AIRCRAFT} are drawn.", {}
+        return f"the flights of {AIRCRAFT} aircraft are drawn.", {}
 
     def _count(self, scenario: Scenario, values: Any, search: Search) -> tuple[str, Found]:
-        """Count the corridor of a mission, and the odds of leaving its fence, in the page's air."""
+        """Count the corridor and the odds of leaving the fence of a mission, in the page's air."""
         from flighttune.claims.mission import mission
 
         drawn = replace(self._stated, scenario=scenario, campaign=airframes(scenario))
@@ -225,7 +225,7 @@ class Desk:
         return " ".join(odds.answer().summary[:2]), {}
 
     def save(self, asked: Mapping[str, Any]) -> dict[str, str]:
-        """Write scenario and gains, or a recording, into a new folder inside the page's own."""
+        """Write scenario and gains, or a recording, into a new folder inside the page's folder."""
         values = asked["values"]
         scenario = moved(self.scenario, self.sliders, values)
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -254,7 +254,7 @@ def _fence_of(flights: Flights) -> Fence | None:
 
 
 def _from_anywhere(tables: dict[str, Any]) -> dict[str, Any]:
-    """Tables of a scenario with the whole paths of its files."""
+    """Tables of a scenario, with absolute paths of its files."""
     for table in (*tables.get("law", ()), *tables["plant"], tables["tuning"]):
         for key in ("module", "aircraft", "identified"):
             if key in table and Path(table[key]).name != table[key]:

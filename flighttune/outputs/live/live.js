@@ -1,11 +1,11 @@
-// Sends what the sliders stand for, one move at a time and always the newest, and shows the answer.
+// Sends the values of the sliders, one request at a time and always the newest, and shows the answer.
 (() => {
   const mine = String(Math.random()).slice(2), at = (id) => document.getElementById(id);
   const inputs = [...document.querySelectorAll("[data-key]")];
   const of = (key) => inputs.filter((input) => input.dataset.key === key);
   const read = (input) => input.tagName === "SELECT" ? input.value : Number(input.value);
   const keys = [...new Set(inputs.map((input) => input.dataset.key))];
-  // What counts is `now`: a slider has ends, and the number beside it is rounded.
+  // `now` holds the exact values: a slider has ends, and the number beside it is rounded.
   const values = () => Object.fromEntries(keys.map((key) => [key, now[key]]));
   const exact = (input) => "value" in input.dataset ? Number(input.dataset.value) : read(input);
   const start = Object.fromEntries(keys.map((key) => [key, exact(of(key).at(-1))])), now = { ...start };
@@ -59,7 +59,7 @@
     flying = false;
   };
 
-  // Each ghost can be taken away again.
+  // Each ghost gets a button that removes it.
   const forget = () => {
     for (const ghost of ghosts) {
       const button = Object.assign(document.createElement("button"), {

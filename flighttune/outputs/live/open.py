@@ -1,4 +1,4 @@
-"""`flighttune.open`: a page on which gains are moved, opened for what a file or name states."""
+"""`flighttune.open`: a page on which gains are moved, for a scenario, mission, recording or log."""
 
 import time
 import webbrowser
@@ -22,7 +22,7 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.logs.followed import followed
 from flighttune.outputs.live.desk import BUDGET, Desk
 
-# How often a command looks whether the last window was closed, s.
+# Period at which the command checks whether the last window is closed, s.
 LOOK_S = 0.2
 
 
@@ -32,7 +32,7 @@ class Opened:
     Attributes
     ----------
     url : str
-        Its address on this machine, with the token that lets a browser in.
+        Address on this machine, with the token that gives access.
 
     Examples
     --------
@@ -52,16 +52,16 @@ class Opened:
 
     @property
     def port(self) -> int:
-        """Port at which it is served, for a tunnel."""
+        """Port of the server, for a tunnel."""
         return self._server.port
 
     def wait(self, *, until_closed: bool = False) -> None:
-        """Wait for ever, or until the last window of the page was closed."""
+        """Wait for ever, or until the last window of the page is closed."""
         while not (until_closed and self._server.left):
             time.sleep(LOOK_S)
 
     def close(self) -> None:
-        """End the server, and what it has under way."""
+        """End the server and a running search."""
         self._server.close()
 
     def __enter__(self) -> "Opened":
@@ -91,34 +91,36 @@ def open(
 ) -> Opened:
     """Open a page in the browser on which gains are moved and the flights follow.
 
-    It is served to this machine alone, under an address that has a secret word.
+    The page is served to this machine alone, at an address with a secret token.
 
     Parameters
     ----------
     source : Scenario, str or Path
         A scenario or campaign, its file or name; a mission: ``.plan`` of QGroundControl,
-        ``.waypoints`` of Mission Planner, KML or GeoJSON; a recording or its folder, flown again;
-        or the log of a real flight, whose path is flown beside it; by default ``level_turn``.
+        ``.waypoints`` of Mission Planner, KML or GeoJSON; a recording or its folder, whose scenario
+        is flown again beside it; or the log of a real flight, whose path an aircraft flies beside
+        it; by default ``level_turn``.
     gains : str, optional
         Gain set to begin with, by name or file, by default the first of the scenario.
     aircraft : str, optional
         Aircraft that flies a mission or the path of a log, by default ``aerosonde``.
     out : str or Path, optional
-        Folder into which the page saves, by default ``runs/open``. Each time it makes a new folder
-        in it, and it writes nowhere else.
+        Folder into which the page saves, by default ``runs/open``. Each save makes a new folder
+        inside it; the page writes nowhere else.
     port : int, optional
-        Port of the page, by default any that is free.
+        Port of the page, by default any free port.
     budget : int
-        Flights of the page's search for gains that meet the requirements, by default 400.
+        Maximum number of flights of the page's search for gains that meet the requirements, by
+        default 400.
     browser : bool
-        Open a browser, by default where there is a screen.
+        Whether to open a browser if there is a screen, by default True.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
     Returns
     -------
     Opened
-        The page, which is served until it is closed or Python ends.
+        The page, served until it is closed or Python ends.
 
     Raises
     ------
@@ -143,7 +145,7 @@ def open(
 def _stated(
     source: Scenario | str | Path, aircraft: str | None, changes: Mapping[str, Any] | None
 ) -> tuple[Flights, Sequence[Run]]:
-    """The flights that a source states, and runs that were recorded or logged."""
+    """The flights that a source states, and its recorded or logged runs."""
     kind = ""
     if not isinstance(source, Scenario) and str(source) not in scenario_files():
         kind = kind_of(source)

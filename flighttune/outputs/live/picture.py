@@ -1,4 +1,4 @@
-"""What the page shows of flights: charts, numbers and requirements, as pieces of HTML."""
+"""Charts, numbers and requirements of flights, as pieces of HTML for the page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,36 +25,36 @@ from flighttune.routes.fence import Fence
 
 LOOP = "R_K I_K E_K gain_margin_dB phase_margin_rad delay_margin_s"
 
-# Styles of ghosts in turn, the start first, and of aircraft that differ.
+# Styles of the ghosts, the start first, and of aircraft that differ.
 GHOSTS = tuple(LineStyle(*shade, 1.5, True) for shade in (PLANTS[0], *(hue[1] for hue in HUES[2:])))
 CLOUD = LineStyle(*HUES[0][1], 0.5, False)
 
-# Style of runs that were recorded, and signals that a path needs.
+# Style of recorded runs, and the signals that a path needs.
 RECORDED, PLACE = LineStyle(*HUES[1][0], 1.6, False), {"north", "east", "down"}
 
-# What is shown, by the id of its place on the page.
+# Pieces by the id of their element on the page.
 PIECES = "about", "verdict", "legend", "charts", "requirements", "numbers"
 
 
 @dataclass(frozen=True)
 class Flown:
-    """Flights with what is shown of them, which is found once."""
+    """Flights with the values shown of them, each computed once."""
 
     flights: FlownScenario
 
     @cached_property
     def claim(self) -> ClaimCheck:
-        """The flights against the requirements of the scenario."""
+        """The flights checked against the requirements of the scenario."""
         return self.flights.claim
 
     @cached_property
     def records(self) -> list[dict[str, Any]]:
-        """How each run ended, and its measures."""
+        """Ending and measures of each run."""
         return self.flights.records({})
 
     @cached_property
     def loop(self) -> dict[str, float]:
-        """Indicators and margins of the linear loop; empty of a law without gains."""
+        """Indicators and margins of the linear loop; empty for a law without gains."""
         run = self.flights.runs[0].provenance
         if run.gains is None:
             return {}
@@ -62,7 +62,7 @@ class Flown:
         return loop_measures(entry, LOOP.split())
 
     def drawn(self, name: str, style: LineStyle) -> Drawn:
-        """The flight of the last plant, an aircraft if there is one, under a name of its own."""
+        """The flight of the last plant, an aircraft if there is one, under this name."""
         run = self.flights.runs[-1]
         named = replace(run, provenance=replace(run.provenance, gains_name=name))
         return [(named, style)] if len(run.signals) > 1 else []
@@ -70,11 +70,11 @@ class Flown:
 
 @dataclass(frozen=True, kw_only=True)
 class Beside:
-    """What is drawn beside the flights of now."""
+    """Flights drawn beside the present ones."""
 
     ghosts: Mapping[str, Flown]  # by name, the start first
     cloud: Sequence[Flown]  # aircraft that differ
-    runs: Sequence[Run] = ()  # recorded, or the log of a real flight
+    runs: Sequence[Run] = ()  # a recording, or the log of a real flight
     fence: Fence | None = None
 
     @property
@@ -113,7 +113,7 @@ def _requirement(check: BoundCheck) -> dict[str, Any]:
 
 
 def _differing(cloud: Sequence[Flown]) -> list[str]:
-    """How many of the aircraft that differ do what is required, or else fly to the end."""
+    """Number of aircraft that meet the requirements; without requirements, that fly to the end."""
     if not cloud:
         return []
     tested = cloud[0].claim.verdict != "not tested"
@@ -126,7 +126,7 @@ def _differing(cloud: Sequence[Flown]) -> list[str]:
 
 
 def _tables(named: Mapping[str, Flown]) -> list[Table]:
-    """The linear loop and the flights, now and at each ghost."""
+    """Tables of the linear loop and of the flights, now and for each ghost."""
     loops = [{"which": name, **x.loop} for name, x in named.items() if x.loop]
     records = [
         {**record, "gains": name}
@@ -146,7 +146,7 @@ def _charts(beside: Drawn, flights: Drawn, fence: Fence | None) -> list[Chart]:
     if path is None:
         placed = [x for x in every if PLACE <= {*x[0].signals}]
         return [*panels.tracking(every), *panels.commands(flights), *panels.paths(placed)]
-    # The route is that of the first: ghosts may have another airspeed.
+    # The route of the first flight is drawn: ghosts may have another airspeed.
     along = [x for x in beside if "along" in x[0].signals]
     above, height, *errors = route_charts([*flights, *along])
     if fence is not None:

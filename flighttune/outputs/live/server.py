@@ -1,4 +1,4 @@
-"""The server of the page: for this machine alone, and for those who have its whole address."""
+"""The server of the page: it answers this machine alone, and only requests with the token."""
 
 import asyncio
 import base64
@@ -36,22 +36,22 @@ from flighttune.outputs.drawing.chart import style
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.live.desk import MAX_WINDOWS, Desk
 
-# Names of this machine, also at the other end of a tunnel.
+# Host names of this machine, also through a tunnel.
 HOSTS = [LOCAL, "localhost"]
 
-# Most bytes that a page sends at once.
+# Largest request, bytes.
 MAX_BYTES = 65_536
 
-# How often a window is told of a search, and how often a window that was closed is noticed; the
-# time after which one that is loaded again counts as closed; and that to start or to end, s.
+# Periods at which a window gets news of a search, and at which a closed window is noticed; time
+# that a window may take to reload before it counts as closed; time limits to start and to end, s.
 TELL_S, BEAT_S, CLOSED_S, START_S, END_S = 0.1, 1.0, 3.0, 10.0, 1
 
-# The policy of the page itself adds its one script, and that it asks nobody but this server.
+# The page itself adds to this policy its one script, and that it connects to this server alone.
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",  # the address lets in
+    "Referrer-Policy": "no-referrer",  # the address holds the token
     "X-Content-Type-Options": "nosniff",
 }
 
@@ -59,7 +59,7 @@ Endpoint: TypeAlias = Callable[[Request], Awaitable[Response]]
 
 
 class Server:
-    """Serves the page of a desk from a thread of its own until it is closed."""
+    """Serves the page of a desk in a thread of its own until it is closed."""
 
     def __init__(self, desk: Desk, port: int) -> None:
         self.desk, self.token = desk, secrets.token_urlsafe(24)
@@ -79,16 +79,16 @@ class Server:
 
     @property
     def url(self) -> str:
-        """Address of the page, with the token that lets in."""
+        """Address of the page, with the token that gives access."""
         return f"http://{LOCAL}:{self.port}/{self.token}/"
 
     @property
     def left(self) -> bool:
-        """Whether a window was open, and all have been closed."""
+        """Whether all windows that were open have been closed."""
         return bool(self._left) and not self._windows and time.monotonic() > self._left + CLOSED_S
 
     def close(self) -> None:
-        """Stop what is under way, and end."""
+        """Stop a running search, and end."""
         self.desk.close()
         self._server.should_exit = True
         self._thread.join(START_S)
@@ -110,7 +110,7 @@ class Server:
         return Starlette(routes=routes, middleware=[hosts])
 
     def _guarded(self, answer: Endpoint) -> Endpoint:
-        """The answer for those who have the token; what writes or flies is for our page alone."""
+        """An answer given only with the token, and where it writes or flies only to our page."""
 
         async def guarded(request: Request) -> Response:
             token, told = request.path_params["token"], request.headers
@@ -135,7 +135,7 @@ class Server:
         return StreamingResponse(self._told(), media_type="text/event-stream")
 
     async def _told(self) -> AsyncIterator[str]:
-        """How far a search is, for one window as long as it is open."""
+        """Events of a search for one window, as long as it is open."""
         self._windows += 1
         told, beat = self.desk.search.state, 0.0
         try:
@@ -153,7 +153,7 @@ class Server:
 
 
 def _answered(verb: Callable[[dict[str, Any]], Any]) -> Endpoint:
-    """An answer with what a verb makes of the JSON object of a request, or why it does not."""
+    """An endpoint that calls a verb with the JSON of a request; the answer may be its error."""
 
     async def answered(request: Request) -> Response:
         body = bytearray()
@@ -181,7 +181,7 @@ def _answered(verb: Callable[[dict[str, Any]], Any]) -> Endpoint:
 
 
 def _listening(port: int) -> socket.socket:
-    """A socket of this machine alone; an InputError says that the port is taken."""
+    """A socket that listens to this machine alone; an InputError if the port is taken."""
     listening = socket.socket()
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -193,7 +193,7 @@ def _listening(port: int) -> socket.socket:
 
 
 def _page_of(desk: Desk) -> str:
-    """The page without flights, which it asks for when it is there."""
+    """The page without flights, which its script asks for once it has loaded."""
     folder = Path(__file__).parent
     files = folder / "live.js", folder.parent / "pages" / "page.css", folder / "live.css"
     script, *look = (file.read_text(encoding="utf-8") for file in files)

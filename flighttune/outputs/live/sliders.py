@@ -1,4 +1,4 @@
-"""What moves on the page: sliders by keys of a scenario, and the scenario that they stand for."""
+"""Sliders of the page, by the keys of a scenario, and the scenario with their values."""
 
 import math
 import re
@@ -24,25 +24,25 @@ from flighttune.flight.scenario.schema import Scenario
 
 ROWS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["slider"]
 
-# End of the slider of a gain over its value, or where that is 0 over the largest of its matrix.
+# Upper end of a gain's slider, relative to the gain, or to the largest of its matrix if it is 0.
 GAIN_END = 3.0
 
-# Heads of the gains of each channel on its own error, and of the others.
+# Headings of the gains from each error to its own command, and of the other gains.
 GAINS, ACROSS = "Gains", "Gains across channels"
 
-# End of the slider of a feedback, which is below 1.
+# Upper end of the slider of a feedback, which must stay below 1.
 MAX_FEEDBACK = 0.95
 
-# Largest number that a page may send.
+# Largest value that a page may send.
 MAX_NUMBER = 1e6
 
-# Tables that only aircraft meet or have.
+# Tables that affect aircraft alone.
 OF_AIRCRAFT = ("navigation", "plant", "seed", "turbulence", "wind")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slider:
-    """One quantity that moves, by the key of the scenario that it sets."""
+    """A slider, by the key of the scenario that it sets."""
 
     key: str
     group: str
@@ -52,8 +52,8 @@ class Slider:
     low: float = 0.0
     high: float = 1.0
     choices: Sequence[str] = ()
-    form: str = ""  # "both" ways or the "upper" end, where the key is a range
-    together: str = ""  # gains of one name move together where the page is told so
+    form: str = ""  # of a range: "both" ends, or the "upper" end alone
+    together: str = ""  # gains with the same name here move together if the page's box is ticked
 
     @property
     def table(self) -> str:
@@ -66,7 +66,7 @@ class Slider:
         return isinstance(self.value, int)
 
     def checked(self, value: object) -> float | str:
-        """A value that a page sent, or an InputError."""
+        """A value that a page sent; an InputError if it cannot be used."""
         if self.choices and value in self.choices:
             return str(value)
         number = math.nan
@@ -79,7 +79,7 @@ class Slider:
 
 
 def with_one_gain_set(source: Scenario, wanted: str | None) -> tuple[Scenario, PIGains | None]:
-    """A scenario with one law and one gain set, as numbers; no gains of a law without."""
+    """A scenario with one law and one gain set, in numbers; None for a law without gains."""
     entry = chosen_entry(source, wanted)
     scenario = with_gains(source, [wanted or entry.name], source.title)
     if not entry.law.by_gains:
@@ -134,7 +134,7 @@ def _of_gains(gains: PIGains) -> Iterator[Slider]:
 
 
 def _of_rows(scenario: Scenario) -> Iterator[Slider]:
-    """Sliders of `ROWS` for which the scenario has a value, or one where it is absent."""
+    """Sliders of those `ROWS` that have a value in the scenario, or a default where it has none."""
     tables = scenario.as_dict()
     for given in ROWS:
         row = dict(given)
@@ -156,14 +156,14 @@ def _of_rows(scenario: Scenario) -> Iterator[Slider]:
 
 
 def moved(scenario: Scenario, sliders: Sequence[Slider], values: Mapping[str, Any]) -> Scenario:
-    """The scenario that the sliders stand for; the same one where none has moved."""
+    """The scenario with the values of the sliders; the given one if none has moved."""
     now = checked(sliders, values)
     differ = {x.table for x in sliders if now[x.key] != x.value}
     tables, changes = scenario.as_dict(), dict[str, Any]()
     for slider in sliders:
         value, top = now[slider.key], slider.table
         if value == slider.value and not (top in differ and top not in tables):
-            continue  # a table that the scenario lacks is set whole
+            continue  # of a table that the scenario lacks, all keys are set
         if slider.choices and value == slider.choices[0]:
             tables = {key: table for key, table in tables.items() if key != top}
         elif slider.form:
@@ -179,7 +179,7 @@ def moved(scenario: Scenario, sliders: Sequence[Slider], values: Mapping[str, An
 
 
 def checked(sliders: Sequence[Slider], values: Mapping[str, Any]) -> dict[str, float | str]:
-    """Values of all sliders; those that a page did not send are at the start."""
+    """Values of all sliders; a slider that the page did not send keeps its start."""
     if unknown := values.keys() - {slider.key for slider in sliders}:
         raise InputError(f"`{shown(min(unknown))}` must be a slider of the page.")
     return {x.key: x.checked(values.get(x.key, x.value)) for x in sliders}
