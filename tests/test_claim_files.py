@@ -263,3 +263,11 @@ def test_conditions_are_told_as_facts_only_where_the_models_entries_are_the_laws
     assert "their entries are those of the law there, with g 9.81 m/s²" in told
     assert "which its maker states as V_a 10..30 m/s" in forged_sentence
     assert "their entries" not in forged_sentence
+
+
+def test_the_checks_of_a_claim_are_those_of_its_file_where_it_has_one():
+    verified = ft.verify(FILES / "certificate.json")
+
+    assert verified.answer().tables[0].title == "valid: every check holds"
+    of_file = replace(verified, source="mine.json").answer()
+    assert of_file.tables[0].title == "mine.json: valid: every check holds"
