@@ -7,10 +7,11 @@ import pytest
 from fuzzing import slow
 from log_columns import ERRORS, RIGHT, sampled
 from log_files import heavy_cessna
+from scipy import constants
 
 import flighttune as ft
 from flighttune.logs import relations
-from flighttune.logs.checks import _rotated, checked
+from flighttune.logs.checks import MISTAKEN, _rotated, checked
 from flighttune.logs.relations import STEEP, Motion, _body_rate
 
 FEW = ("p sign", "n_z without gravity", "V_a in kn", "V_err sign")
@@ -201,3 +202,16 @@ def test_pitch_rates_of_a_steep_climb_are_judged_by_a_heading_alone(heading):
     judged[[0, -1]] = False
     assert expected[judged] == pytest.approx(given[judged], rel=1e-3)
     assert np.isnan(expected[np.cos(theta) < STEEP - 0.01]).all() == (not heading)
+
+
+def test_units_that_are_mistaken_have_the_factors_of_their_definitions():
+    units = {"kn": constants.knot, "km/h": constants.kmh, "ft/s": constants.foot}
+    units |= {"cm/s": constants.centi, "mph": constants.mph}
+    lengths = {"ft": constants.foot, "cm": constants.centi, "mm": constants.milli, "km": 1000.0}
+
+    speeds = {f"{unit} read as m/s": pytest.approx(size) for unit, size in units.items()}
+    assert speeds == MISTAKEN["speed"] == MISTAKEN["wind"]
+    read = {f"{unit} read as m": pytest.approx(size) for unit, size in lengths.items()}
+    assert MISTAKEN["length"] == read
+    for kind in ("angle", "rate"):
+        assert MISTAKEN[kind] == {"deg read as rad": pytest.approx(constants.degree)}

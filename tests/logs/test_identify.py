@@ -11,6 +11,7 @@ from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.logs import identify
+from flighttune.vehicles.identification.fit import fit_percent
 
 SAMPLE = 0.04
 """s: of the logs."""
@@ -250,3 +251,12 @@ def test_take_off_and_landing_are_below_half_the_usual_speed():
 
     assert identify.flying(run).tolist() == [False, False, *[True] * 11, False]
     assert not identify.flying(run, np.full(len(speed), np.nan)).any()
+
+
+def test_a_fit_is_the_share_of_the_variance_and_none_where_nothing_varies():
+    measured = np.array([0.0, 2.0, 0.0, 2.0])
+
+    assert fit_percent(measured, measured) == 100.0
+    assert fit_percent(measured, np.ones(4)) == 0.0
+    assert fit_percent(measured, np.array([0.5, 1.5, 0.5, 1.5])) == pytest.approx(75.0)
+    assert fit_percent(np.ones(4), np.ones(4)) == -math.inf

@@ -16,7 +16,7 @@ from scipy.ndimage import map_coordinates
 
 import flighttune as ft
 from flighttune.base.errors import InfeasibleError
-from flighttune.routes.maps import ground_at
+from flighttune.routes.maps import Corridor, clearance, ground_at
 from flighttune.routes.raster import ground_heights
 
 pytest.importorskip("rasterio")
@@ -348,3 +348,17 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
 
     with pytest.raises(ft.InputError, match=r"t\.tif: must be a raster .* got .*decode"):
         ground_at(file, np.array([[47.4, 8.5]]))
+
+
+@pytest.mark.parametrize("left", [-300.0, -120.0])
+def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, left):
+    """East on a plane that rises to the north: its lower left edge."""
+    legs = waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)
+    planned = ft.route(plan_file(tmp_path / "m.plan", *legs))
+    window = np.array([[0.0, planned.where[0].length]])
+    corridor = Corridor(window, np.array([[left, -5.0]]), np.array([[20.0, 15.0]]), "")
+
+    found = clearance(terrain(tmp_path / "t.tif"), planned.where, corridor)
+
+    uphill = SLOPE * -left / (6371e3 * math.pi / 180.0)
+    assert found["over_ground_m"] == pytest.approx(60.0 - 15.0 - uphill, abs=0.2)
