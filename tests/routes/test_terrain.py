@@ -350,15 +350,17 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
         ground_at(file, np.array([[47.4, 8.5]]))
 
 
-@pytest.mark.parametrize("left", [-300.0, -120.0])
-def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, left):
-    """East on a plane that rises to the north: its lower left edge."""
-    legs = waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)
-    planned = ft.route(plan_file(tmp_path / "m.plan", *legs))
+@pytest.mark.parametrize("to_the_right", [False, True])
+def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, to_the_right):
+    """East or west on a plane that rises to the north: an edge of its lower side."""
+    legs = [waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)]
+    file = plan_file(tmp_path / "m.plan", *(reversed(legs) if to_the_right else legs))
+    planned = ft.route(file)
+    left, right = (-20.0, 300.0) if to_the_right else (-300.0, 20.0)
     window = np.array([[0.0, planned.where[0].length]])
-    corridor = Corridor(window, np.array([[left, -5.0]]), np.array([[20.0, 15.0]]), "")
+    corridor = Corridor(window, np.array([[left, -5.0]]), np.array([[right, 15.0]]), "")
 
     found = clearance(terrain(tmp_path / "t.tif"), planned.where, corridor)
 
-    uphill = SLOPE * -left / (6371e3 * math.pi / 180.0)
+    uphill = SLOPE * 300.0 / (6371e3 * math.pi / 180.0)
     assert found["over_ground_m"] == pytest.approx(60.0 - 15.0 - uphill, abs=0.2)
