@@ -181,3 +181,11 @@ def test_a_result_saves_its_answer_whose_gains_are_read(tmp_path):
 
     assert (tmp_path / "own.json").read_text() == certified.answer().json() + "\n"
     assert ft.load_gains(tmp_path / "own.json").K.tolist() == ft.PAPER_GAINS.K.tolist()
+
+
+def test_a_proof_that_is_asked_for_is_written_and_verified(tmp_path):
+    said = answer("tune", "paper", "--prove", tmp_path / "bound.json")
+
+    verified = ft.verify(tmp_path / "bound.json")
+    assert verified.valid
+    assert said["proof"] == str(tmp_path / "bound.json")
