@@ -102,11 +102,11 @@ REFUSED = {
     "no number": ({}, {"by": ["title"]}, "title must be one number"),
     "a count": ({}, {"by": ["seed"]}, "and not a count, got 1"),
     "a key that is not there": ({}, {"by": ["flight.wings"]}, "got nothing"),
-    "a time of samples": ({}, {"by": ["flight.duration_s"]}, "falls on samples"),
+    "a time of samples": ({}, {"by": ["flight.duration_s"]}, "rounded to samples"),
     "an error of sensors": (
         {"sensors": {"chi_bias_deg": 0.2}},
         {"by": ["sensors.chi_bias_deg"]},
-        "by errors are not known",
+        "the errors that the law sees",
     ),
     "another plant": ({}, {"plant": "kinematic"}, "must be an aircraft"),
     "a third command": (
