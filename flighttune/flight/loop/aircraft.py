@@ -1,4 +1,4 @@
-"""An aircraft of JSBSim flown by its compiled step, or by JSBSim where there is none: same bits."""
+"""A JSBSim aircraft flown by its compiled step, or by JSBSim where it has none: same bits."""
 
 import math
 from collections.abc import Hashable
@@ -34,30 +34,30 @@ if TYPE_CHECKING:
 
 _G_0_FPS2 = G_0 / FT
 
-# Heights between which the compiled step knows air and forces: above the ground, m, and up to the
-# tropopause.
+# Heights between which the compiled step knows air and forces, m: above the ground, and up to the
+# tropopause above sea level.
 FLOOR, CEILING = 50.0, 10_900.0
 
 WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down"))
 
-# Beginning of a reason by which JSBSim flies an aircraft whose step may be compiled
+# Beginning of the reason why JSBSim flies an aircraft whose step may be compiled
 UNKNOWN = "its loop does not know"
 
-# Other reasons, of a flight alone
+# Other reasons, which concern one flight
 OTHER_LAW = "laws other than the paper's and the exact one are not compiled"
 LOW = f"flights below {FLOOR:.0f} m above the ground are not compiled"
 HIGH = f"flights above {CEILING / 1000.0:g} km are not compiled"
 NOT_FINITE = "its commands or signals are not finite"
 
-# Rows of random numbers that are drawn at once
+# Rows of random numbers drawn at a time
 DRAWN = 64
 
 
 class CompiledAircraft(WrappedPlant):
-    """A JSBSim plant that its compiled step flies after the start, where there is one.
+    """A JSBSim plant that flies by its compiled step after the start, if it has one.
 
-    `compiles` is whether it shall, before the start. `refused` says why JSBSim flies a flight that
-    was to be compiled.
+    `compiles`, set before the start, says whether it should. `refused` says why JSBSim flies
+    instead.
     """
 
     def __init__(self, plant: JSBSimPlant) -> None:
@@ -112,7 +112,7 @@ class CompiledAircraft(WrappedPlant):
 
     @property
     def sloped(self) -> tuple[Any, Any]:
-        """The functions of the compiled step that has slopes, as long as this aircraft lives."""
+        """Functions of the compiled step with slopes; they need this aircraft to stay alive."""
         from flighttune.vehicles.compiled import face
 
         self._with_slopes = face.sloped(self._step)
@@ -129,7 +129,7 @@ class CompiledAircraft(WrappedPlant):
         return self._motion is not None
 
     def sampled(self, dt: float) -> tuple[tuple[Any, Any], Motion]:
-        """The functions of the compiled step and its flight, for samples of `dt` (s)."""
+        """The functions of the compiled step, and its motion for samples of `dt` (s)."""
         assert self._motion is not None  # it is compiled
         motion = self._motion._replace(steps=self.plant.count_steps(dt))
         return self._step.functions, motion
@@ -158,7 +158,7 @@ class CompiledAircraft(WrappedPlant):
         return None if how == GOES_ON else self.stop(how, self._clock) or self._replay()
 
     def stop(self, how: int, steps: int) -> Stop | None:
-        """Why a flight ended after so many integration steps; None if JSBSim has to tell."""
+        """Why a flight ended after so many integration steps; None if JSBSim must find out."""
         motion = self._motion
         if motion is None:
             return None
@@ -179,13 +179,13 @@ class CompiledAircraft(WrappedPlant):
         return Stop(why[0], f"t = {t:.3f} s: {why[1]}")
 
     def _followed(self) -> float:
-        """The load factor that the inner loop sees, a step of its computer old."""
+        """The load factor that the inner loop sees, one step of its computer old."""
         if (motion := self._motion) is None:
             return self.plant.n_z_followed()
         return float(motion.shown[motion.signals + N_Z_SEEN])
 
     def _shown(self) -> tuple[float, ...]:
-        """Signals of the last step; course and heading run on without a jump."""
+        """Signals of the last step; course and heading are unwrapped."""
         motion = self._motion
         assert motion is not None  # JSBSim is observed by its own function
         if self._clock:
@@ -198,7 +198,7 @@ class CompiledAircraft(WrappedPlant):
         return tuple(self._first)
 
     def _replay(self) -> Stop | None:
-        """Fly from the start to here in JSBSim, which then goes on."""
+        """Repeat the flight so far in JSBSim, which then continues it."""
         self.start_in_jsbsim(self._condition)
         stop = None
         for phi_cmd, n_z_cmd, duration, *n_x in self._given:
@@ -208,7 +208,7 @@ class CompiledAircraft(WrappedPlant):
 
 
 class KeptStart(NamedTuple):
-    """The start of a flight; each flight changes a copy of its motion."""
+    """The start of a flight, which flies a copy of this motion."""
 
     step: "CompiledStep"
     motion: Motion
@@ -217,23 +217,23 @@ class KeptStart(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _kept_start(_key: Hashable) -> list[KeptStart]:
-    """The start of a key, to be kept here: searches fly other gains from the same starts."""
+    """A list for the start with this key: searches fly many gains from the same start."""
     return []
 
 
 def compiled_aircraft(plant: object) -> CompiledAircraft | None:
-    """The aircraft inside a plant that can be flown by its compiled step."""
+    """The compiled aircraft inside a plant, if there is one."""
     while isinstance(plant, WrappedPlant) and not isinstance(plant, CompiledAircraft):
         plant = plant.plant
     return plant if isinstance(plant, CompiledAircraft) else None
 
 
 class NotCompiled(Exception):
-    """Why JSBSim flies a flight whose step is compiled."""
+    """JSBSim must fly this flight although its step is compiled."""
 
 
 def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Motion:
-    """The flight of a plant that was started, as its compiled step takes it."""
+    """The motion of a plant after its start, for its compiled step."""
     fdm, config, names = plant.fdm, plant.config, step.names
     assert fdm is not None  # it was started
     places = {name: -1 - i for i, name in enumerate(names.states)}

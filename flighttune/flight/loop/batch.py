@@ -23,18 +23,18 @@ SIGNALS = (
     *("phi_integral", "n_z_integral", "phi_limited", "n_z_limited"),
 )
 
-# How the samples asked for ended: all flown, the flight arrived, it left its envelope, or it went
-# where only JSBSim knows the forces, such as near the ground.
+# State of a flight: all samples flown, arrived, outside its envelope, or where only JSBSim knows
+# the forces, such as near the ground.
 GOES_ON, ARRIVED, OUTSIDE, BEYOND = 0, 1, 2, 3
 
-# Places of signals of an aircraft, and behind all of them of what its compiled step shows besides
+# Places of signals of an aircraft, then places of the further values that its compiled step shows
 CHI, GAMMA, PHI, N_Z, V_A, NORTH, EAST, ALPHA, THETA, PSI = map(
     properties.SIGNALS.index,
     ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "alpha", "theta", "psi"),
 )
 V_FPS, LIFT, HEIGHT, N_Z_SEEN = range(BESIDE := len(properties.GUARDED))
 
-# Flights whose errors of sensors are in memory at the same time
+# Flights whose sensor errors are in memory at the same time
 SENSED_AT_ONCE = 256
 
 
@@ -42,42 +42,42 @@ class Flights(NamedTuple):
     """N flights as the kernel takes them."""
 
     laws: FloatArray  # (N, 26): numbers of `PILaw` or `RateLaw` in their order, the rest zero
-    # (N, 5), rad, rad, rad, 1, m/s: Course, flight-path angle, roll, load factor and airspeed at
+    # (N, 5), rad, rad, rad, 1, m/s: course, flight-path angle, roll, load factor and airspeed at
     # t = 0
     start: FloatArray
-    # (N or 1, k or 1, 2), rad: Course and flight-path angle to follow: one pair, or one a sample
+    # (N or 1, k or 1, 2), rad: course and flight-path angle to follow, constant or one per sample
     ref: FloatArray
-    ref_rates: FloatArray  # as `ref`, rad/s: Rates of the reference, which the exact law follows
-    # (N, 4), rad/s: Disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega
+    ref_rates: FloatArray  # as `ref`, rad/s: rates of the reference, which the exact law follows
+    # (N, 4), rad/s: disturbance: chi_amplitude, chi_omega, gamma_amplitude, gamma_omega
     waves: FloatArray
     g: FloatArray  # (N,), m/s^2
-    exact: bool  # True if `laws` are those of the exact law
+    exact: bool  # True if `laws` are exact laws
     wrapped: bool  # True if the course error is taken the short way round
     feed_forward: bool
-    dt: float  # s: Sample time of the controllers
+    dt: float  # s: sample time of the controllers
     steps: int  # integration steps in a sample
 
 
-# Numbers of the memory that `law_sample` goes through a flight with.
+# Length of the memory that `law_sample` keeps over a flight.
 MEMORY = 21
 
 
 class SampledLaw(NamedTuple):
-    """A law and its reference, as `law_sample` takes them behind a sample and its load factor."""
+    """A law and its reference, an argument of `law_sample`."""
 
-    numbers: FloatArray  # of a `RateLaw`, or of a `PILaw`, which are fewer
-    # Places of the course, path angle, airspeed, roll, load factor, north, east and height that it
-    # sees, of the true height, of wind and speed over ground, and the number of signals; that of a
-    # wind that it does not see is -1, and that of a speed that is the difference of positions
+    numbers: FloatArray  # of a `RateLaw`, or the fewer ones of a `PILaw`
+    # Places of the seen course, path angle, airspeed, roll, load factor, north, east and height, of
+    # the true height, of wind and speed over ground, and the number of signals. -1: the law sees
+    # no wind; the speed is the difference of positions.
     places: tuple[int, ...]
     dt: float  # s: sample time
-    settings: tuple[float, ...]  # those of `guidance`
-    # Numbers of an `AirspeedPriority` and the place of the largest n_x, -1 without one
+    settings: tuple[float, ...]  # of `guidance`
+    # Numbers of an `AirspeedPriority` and the place of the largest n_x, or -1
     priority: tuple[float, ...]
     refs: FloatArray  # (samples, 4), or (0, 4) on a route
-    path: FloatArray  # rows of `guidance`, none without a route
-    # (samples, 2), or (0, 2): roll and load factor that a `PILaw` adds; NaN in place of a roll
-    # where the load factor is the vertical lift
+    path: FloatArray  # rows of `guidance`, empty without a route
+    # (samples, 2), or (0, 2): roll and load factor that a `PILaw` adds; a roll of NaN says that the
+    # load factor is the vertical lift
     ahead: FloatArray
     # (`MEMORY`,): state of the law, the distance along the route (m), the speed over ground (m/s),
     # the position (m) at the sample before, the estimate of the wind (m/s), whether the first
@@ -86,7 +86,7 @@ class SampledLaw(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """An aircraft in flight: arrays that its step reads and writes, and what changes on the way."""
+    """An aircraft in flight: arrays that its step reads and writes, and changes on the way."""
 
     states: FloatArray
     parameters: FloatArray
@@ -94,22 +94,22 @@ class Motion(NamedTuple):
     # the inner loop follows
     shown: FloatArray
     signals: int  # number of signals
-    further: int  # further ones, which stand behind those four
+    further: int  # number of further signals, which stand behind those four values
     commands: tuple[int, ...]  # places of roll, load factor and n_x among the parameters
     steps: int  # integration steps in a sample
     between: int  # most steps between two checks of the envelope
-    # Angle of attack, airspeed (ft/s), lift (lbf) and pitch attitude to stay between
+    # Bounds of angle of attack, airspeed (ft/s), lift (lbf) and pitch attitude
     low: FloatArray
     high: FloatArray
     weight: float  # lbf, at the start
-    floor: float  # ft: height below which only JSBSim flies
-    ceiling: float  # ft: and above which
-    # Turbulence: four normal numbers a step, and the state of the generator; no columns without
+    floor: float  # ft: only JSBSim flies below this height
+    ceiling: float  # ft: only JSBSim flies above this height
+    # Turbulence: four normal numbers per step, and the state of the generator; no columns without
     # turbulence
     stream: FloatArray
     random: npt.NDArray[np.int64]
-    # Changes of parameters, or of states, whose places are counted from -1 down: steps flown
-    # before, places, values; how many are made
+    # Changes of parameters, or of states, whose places count down from -1: steps flown before each
+    # change, places, values, and the number of changes made
     change_at: npt.NDArray[np.int64]
     change_place: npt.NDArray[np.int64]
     change_to: FloatArray
@@ -128,8 +128,8 @@ class Motion(NamedTuple):
 class BatchResult(NamedTuple):
     """Results of N flights as arrays."""
 
-    t: FloatArray  # (k,), s: Times of the samples
-    # (N,): Samples of each flight, k unless it ended before its time
+    t: FloatArray  # (k,), s: times of the samples
+    # (N,): samples of each flight, k unless it ended early
     samples: npt.NDArray[np.int64]
     # (N,): 0 where the flight was completed, 1 where it ended at 90 deg of roll, 2 where an angle
     # went beyond 1000 rad

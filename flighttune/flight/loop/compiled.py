@@ -1,7 +1,7 @@
-"""Compiled: whole flights of an aircraft whose step is compiled, sample by sample.
+"""Whole flights of an aircraft whose step is compiled, sample by sample.
 
-The loop around the step is that of `Flight` and of the aircraft of JSBSim, to the bit.
-Without Numba it is interpreted.
+The loop around the step equals that of `Flight` and `JSBSimPlant`, to the bit. Without Numba it is
+interpreted.
 """
 
 import math
@@ -26,21 +26,21 @@ from flighttune.flight.loop.batch import (
 from flighttune.flight.loop.kernel import law_sample, register_jitable, sample_kernel
 from flighttune.vehicles.plants.sensors import N_Z_ERROR, sense
 
-# Integration steps between two instants at which a changing wind is computed.
+# Integration steps from one computation of a changing wind to the next.
 REFRESH = 4
 
-inlined = register_jitable(inline="always")  # a call hands on some hundred numbers of a flight
+inlined = register_jitable(inline="always")  # a call would pass some hundred numbers of a flight
 
 
 @sample_kernel
 def fly_samples(step, normals, motion, law, fed_back, seen, part, rows):
-    """Fly the samples of a part into `rows`, of which the first has its signals.
+    """Fly a part of the samples into `rows`, whose first row has its signals already.
 
     `step` and `normals`: functions of the compiled step. `fed_back`: whether the law sees the load
-    factor that the inner loop follows. `seen`: errors of what it sees at each sample, or none, and
-    what `sense` takes with them. `part`: the first sample, the one after the last, and the length
-    of the route (m). Returns the samples in the rows, how the flight stands, and the integration
-    steps flown.
+    factor that the inner loop follows. `seen`: errors of the signals that the law sees, a row per
+    sample or none, and the further arguments of `sense`. `part`: first sample, end of the samples,
+    and length of the route (m). Returns the samples in the rows, the state of the flight, and the
+    integration steps flown.
     """
     first, last, end = part
     shown, m, final = motion.shown, motion.signals, len(rows) - 1
@@ -75,7 +75,7 @@ def fly_samples(step, normals, motion, law, fed_back, seen, part, rows):
 
 @sample_kernel
 def fly_sample(step, normals, motion, clock, steps):
-    """Fly some integration steps; how the flight stands, and how many were flown."""
+    """Fly some integration steps; return the state of the flight and the steps flown."""
     return _fly_steps(step, normals, motion, clock, steps)
 
 
@@ -106,7 +106,7 @@ def _inside(shown, m, low, high):
 
 @register_jitable
 def _remainder(x):
-    """``math.remainder(x, tau)``, as CPython has it."""
+    """``math.remainder(x, tau)``, as CPython computes it."""
     size = abs(x)
     whole = size % math.tau
     left = math.tau - whole
@@ -121,7 +121,7 @@ def _remainder(x):
 
 @inlined
 def _advance(step, normals, motion, clock, n):
-    """Fly n integration steps, the signals shown after the last; `clock`: those flown before."""
+    """Fly n integration steps after the `clock` steps so far; show the signals after the last."""
     states, parameters = motion.states.ctypes.data, motion.parameters.ctypes.data
     stream, shown = motion.stream.ctypes.data, motion.shown.ctypes.data
     windy = len(motion.levels) > 0
@@ -144,7 +144,7 @@ def _advance(step, normals, motion, clock, n):
 
 @inlined
 def _change(motion, now):
-    """Make the changes that are due before a step."""
+    """Apply the changes of parameters and states that are due before a step."""
     i = motion.changed[0]
     while i < len(motion.change_at) and motion.change_at[i] <= now:
         place = motion.change_place[i]
@@ -158,7 +158,7 @@ def _change(motion, now):
 
 @inlined
 def _blow(motion, now):
-    """Write the wind of the end of the next step, linear between instants where it is exact."""
+    """Write the wind at the end of the next step: linear between instants where it is computed."""
     wind = motion.wind
     if now % REFRESH == 0:
         h = motion.shown[motion.signals + HEIGHT]

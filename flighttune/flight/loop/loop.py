@@ -1,4 +1,4 @@
-"""One closed loop in time: plant, controller and reference to a table of signals."""
+"""Simulation of one closed loop: plant, controller and reference give a table of signals."""
 
 import math
 import struct
@@ -34,39 +34,38 @@ from flighttune.vehicles.plants.navigation import ERRORS, Navigation
 from flighttune.vehicles.plants.sensors import SENSED, SensedPlant, Sensors
 from flighttune.vehicles.plants.weather import WIND
 
-# Signals that the loop adds to those of the plant, one row per sample of the controller.
-#
-# Signals that the controller records stand before the last two.
+# Signals that the loop adds to those of the plant. Signals that the controller records stand before
+# the last two.
 KINDS = ("cmd", "unlimited", "limited")
 LOOP_SIGNALS = (
     *("chi_ref", "gamma_ref", "chi_err", "gamma_err"),
     *(f"{name}_{kind}" for kind in KINDS for name in COMMANDS),
 )
 
-# Further ones where speed has priority: the path angle that the law is given, which is less than
-# the reference where thrust is short. Where the airspeed is a channel also its reference and error.
+# Further signals where speed has priority: the path angle given to the law, which is below the
+# reference while thrust is short. Where the airspeed is a channel, also its reference and error.
 GIVEN = "gamma_given"
 AIRSPEED_SIGNALS = (GIVEN, "V_ref", "V_err")
 
 PROGRESS_EVERY = 50
 
-# Samples that a process flies before it loads compiled code, which takes as long as it saves in
-# them. Both give the same numbers.
+# Samples that a process flies before it loads compiled code: loading takes as long as compiled code
+# saves in so many samples. Both give the same numbers.
 COMPILED_FROM = 15_000
 
 NOT_LATE = (0.0, 0.0)
 
 
 def compile_at_once() -> None:
-    """Let compiled code fly from the next flight on: this process will fly many."""
+    """Use compiled code from the next flight on, because this process will fly many."""
     Flight.flown = max(Flight.flown, COMPILED_FROM)
 
 
-# Errors of what the law sees at each sample, or none; places and numbers that `sense` takes.
+# Errors of the signals that the law sees, a row per sample or none; places and numbers for `sense`.
 Seen: TypeAlias = tuple[FloatArray, tuple[int, int, int], tuple[float, float, float]]
 
-# What a law is given at a sample, with its time; the place on a route, if there is one; whether
-# the flight ends with this sample.
+# Measured values and reference at a sample, and its time; the place on the route, if there is one;
+# whether the flight ends with this sample.
 Sample: TypeAlias = tuple[Measured, ReferenceSample, float, following.Place | tuple[()], bool]
 
 
@@ -85,23 +84,23 @@ def simulate(
 ) -> tuple[pd.DataFrame, Stop | None]:
     """Fly `plant` under `controller` along `reference` from `condition` for `duration` (s).
 
-    The plant was not flown before. The controller, from (chi, gamma) to (phi, n_z) within limits of
-    its own, as `Law.controller` makes it, is started from the roll and load factor of `condition`;
-    its sample time is the step of the loop. It may have a third command, n_x, where the plant takes
-    it and the reference has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`. A flight
-    along a route ends at its end and has `ROUTE_SIGNALS`. With `sensors` the controller sees
-    course, climb and airspeed through them, and the signals hold `MEASURED`; with `navigation` all
-    that it sees errs, and the signals hold it (``*_meas``, and on a route `SEEN_SIGNALS`). Errors
-    and places on the route are the true ones. `lead`: lags of roll and lift (s) by which they are
-    planned ahead where the reference rolls in or is a route. `speed_priority`: the path angle gives
-    way where the airspeed would fall too far below that of `condition`, as it does under a third
-    command; the plant shows n_x, and the signals then hold `GIVEN`. `progress` is called with the
-    time flown (s), about once a second of flight.
+    The plant has not flown yet. The controller, as `Law.controller` makes it, maps (chi, gamma) to
+    (phi, n_z) within its own limits, and starts from the roll and load factor of `condition`; its
+    sample time is the step of the loop. It may have a third command, n_x, if the plant takes it and
+    the reference has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`. A flight along a
+    route stops at the end of the route and has `ROUTE_SIGNALS`. With `sensors` the controller sees
+    course, climb and airspeed with their errors, and the signals hold `MEASURED`. With `navigation`
+    all values that it sees have errors, and the signals hold them (``*_meas``, and on a route
+    `SEEN_SIGNALS`). Tracking errors and places on the route are true ones. `lead`: lags of roll and
+    lift (s) for which commands are planned ahead where the reference rolls in or is a route.
+    `speed_priority`: the path angle gives way where the airspeed would fall too far below that of
+    `condition`, as it does under a third command; the plant shows n_x, and the signals then hold
+    `GIVEN`. `progress` is called with the time flown (s), about once a second of flight.
 
-    Returns one row a sample, indexed by `t` in s, SI and radians, read-only: signals of the plant,
-    then `LOOP_SIGNALS` with those of the controller. The table ends with the last sample before the
-    stop where the flight ended early, with the reason as the second value. A controller that
-    raises, or whose commands cannot be used, ends it with ``law_failed``. Raises TrimError if the
+    Returns a read-only table with a row per sample, indexed by `t` in s, in SI and radians: signals
+    of the plant, then `LOOP_SIGNALS` with the signals of the controller. The second value says why
+    a flight ended early; its table ends with the last sample before. A controller that raises, or
+    whose commands cannot be used, ends the flight with ``law_failed``. Raises TrimError if the
     plant finds no steady flight at `condition`.
     """
     settings = sensors, lead, speed_priority, navigation
@@ -112,7 +111,7 @@ def simulate(
     commands, k = None, 0
     while True:
         try:
-            measured, ref, now, *_ = advance(commands)  # the first one starts the flight
+            measured, ref, now, *_ = advance(commands)  # the first call starts the flight
         except StopIteration as end:
             return flight.signals(), end.value
         try:
@@ -125,28 +124,28 @@ def simulate(
 
 
 def step_of(controller: Controller, plant: Plant) -> Callable[..., Sequence[float]]:
-    """The step of a law; the load factor that it feeds back is the one the inner loop follows."""
+    """The step of a law, which feeds back the load factor that the inner loop follows."""
     if (followed := _fed_back(controller, plant)) is None:
         return controller.step
     return lambda measured, *sample: controller.step(measured._replace(n_z=followed()), *sample)
 
 
 def _fed_back(controller: Controller, plant: Plant) -> Callable[[], float] | None:
-    """A reader of the load factor that the inner loop follows; None where it is not fed back."""
+    """A reader of the load factor that the inner loop follows; None if it is not fed back."""
     gains, followed = getattr(controller, "gains", None), getattr(plant, "n_z_followed", None)
     return followed if isinstance(gains, PIGains) and gains.feeds_back else None
 
 
 class Flight:
-    """One flight that waits at every sample for its commands: `simulate` gives those of a law.
+    """One flight that waits at every sample for commands: `simulate` takes them from a law.
 
-    Parameters are those of `simulate`; whoever flies calls the controller's `step`, or takes
-    commands from elsewhere. `samples` yields each `Sample`, receives what `Controller.step` returns
-    at it, and returns why the flight ended early, or None. Its first one starts plant and
-    controller. `plant` is the one given, with the errors of what is seen of it.
+    Parameters are those of `simulate`. The caller takes commands from the controller's `step` or
+    from elsewhere. `samples` yields each `Sample`, receives the result of `Controller.step`, and
+    returns why the flight ended early, or None. The first sample starts plant and controller.
+    `plant` is the given plant, with the errors of sensors and navigation.
     """
 
-    # Samples of all flights of this process that compiled code could have flown
+    # Samples of this process that compiled code could have flown
     flown = 0
 
     def __init__(
@@ -203,9 +202,9 @@ class Flight:
         self._rows = bytearray()
         self.plant = plant  # as the law sees it
         self._given = plant, controller, condition, reference, lead or NOT_LATE
-        self._priority = priority if airspeed is None else None  # of a plant that holds its own
+        self._priority = priority if airspeed is None else None  # where the plant holds airspeed
         self._planned = plan is not None
-        # The laws that compiled code has too; one derived from them may do something else.
+        # Only these laws are compiled: a class derived from them may compute something else.
         self._of_matrices: ExactLaw | MimoPI | None = None
         if isinstance(controller, ExactLaw | MimoPI) and type(controller) in (ExactLaw, MimoPI):
             self._of_matrices = controller
@@ -215,9 +214,9 @@ class Flight:
     def fly_compiled(
         self, progress: Callable[[float], None] | None
     ) -> tuple[pd.DataFrame, Stop | None] | None:
-        """Fly a law of the package on an aircraft by compiled code; None where it cannot."""
-        # It gives the same bits as the plain loop, which flies until enough samples are flown to
-        # pay for loading compiled code, and where Numba is not installed.
+        """Fly a law of the package on an aircraft in compiled code; None if that is impossible."""
+        # The plain loop gives the same bits. It flies until enough samples are flown to pay for
+        # loading compiled code, and where Numba is not installed.
         (plant, _, condition, _, _), t, controller = self._given, self._t, self._of_matrices
         if "h" not in plant.signals:
             return None
@@ -249,21 +248,21 @@ class Flight:
 
     @property
     def law_compiles(self) -> bool:
-        """Whether compiled code has the law of this flight, to the bit."""
+        """Whether compiled code computes the law of this flight, to the bit."""
         controller, reference = self._of_matrices, self._given[3]
         if controller is None or controller.gains.airspeed:
             return False
         if isinstance(controller, ExactLaw) or not controller.feed_forward:
             return True
-        # The cosine of NumPy in its feed-forward is known beforehand only where the path angle is.
+        # Its feed-forward has NumPy's cosine, known in advance only where the path angle is.
         routed = isinstance(reference, following.RouteReference)
         return not (routed or self._priority or self._planned)
 
     def _sampled_law(self) -> tuple[SampledLaw, float]:
-        """The law as compiled code takes it, and the length of the route (m)."""
+        """The law for compiled code, and the length of the route (m)."""
         (plant, _, condition, reference, lead), t = self._given, self._t
         controller = self._of_matrices
-        assert controller is not None  # others have no numbers
+        assert controller is not None  # only these laws have numbers
         shown = plant.signals
         navigated = isinstance(plant, SensedPlant) and plant.navigated
         suffix = "_meas" * navigated
@@ -325,13 +324,13 @@ class Flight:
     def _fly_whole(
         self, aircraft: CompiledAircraft, rows: FloatArray, progress: Callable[[float], None] | None
     ) -> tuple[int, Stop | None]:
-        """Fly law and aircraft by compiled code; no samples where JSBSim has to tell the end."""
+        """Fly law and aircraft in compiled code; no samples if JSBSim must find the ending."""
         from flighttune.flight.loop.compiled import fly_samples
 
         (functions, *sampled), end = self.sampled(aircraft)
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
-        if progress is not None:  # which may end the flight: compiled code is loaded before
+        if progress is not None:  # it may end the flight, so compiled code is loaded before
             fly_samples(*functions, *sampled, (0, 0, end), rows)
         while True:
             until = last
@@ -349,7 +348,7 @@ class Flight:
     def sampled(
         self, aircraft: CompiledAircraft
     ) -> tuple[tuple[tuple[Any, Any], Motion, SampledLaw, bool, Seen], float]:
-        """The first arguments of `fly_samples` for a flight that has started, and the last part."""
+        """The first arguments of `fly_samples` after the start, and the length of the route (m)."""
         plant, controller, *_ = self._given
         (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
         fed_back = _fed_back(controller, plant) is not None
@@ -364,11 +363,11 @@ class Flight:
         return len(self._t), len(self._columns)
 
     def table(self, rows: FloatArray) -> pd.DataFrame:
-        """The table of `simulate` of rows of samples, whose errors are written into them."""
+        """The table of `simulate` from rows of samples; writes tracking errors into the rows."""
         return _table(rows, self._columns, self._t, self._wrapped)
 
     def _not_arrived(self, rows: FloatArray) -> Stop | None:
-        """Why a flight of these samples did not fly all of its route; None without one."""
+        """Why a flight with these samples did not complete its route; None without a route."""
         plant, controller, _, route, _ = self._given
         if not isinstance(route, following.RouteReference):
             return None
@@ -378,7 +377,7 @@ class Flight:
         return route.not_arrived(now, (along, aside, below), gave_way=self._gave_way(rows))
 
     def _gave_way(self, rows: FloatArray) -> bool:
-        """Whether the path angle gave way to the airspeed in samples."""
+        """Whether the path angle gave way to the airspeed in these samples."""
         if GIVEN not in self._columns:
             return False
         given, asked = (self._columns.index(name) for name in (GIVEN, "gamma_ref"))
@@ -410,8 +409,8 @@ class Flight:
         observe, advance, rows = plant.observe, plant.advance, self._rows
         pack, last = struct.Struct(f"{len(self._columns)}d").pack, len(self._t) - 1
         end, times = math.inf if route is None else route.path.length, self._t.tolist()
-        # A flight and its generator that hold each other would keep the plant, and JSBSim with it,
-        # until the next garbage collection.
+        # A generator that refers to its flight would keep the plant, and JSBSim with it, until the
+        # next garbage collection.
         del self
         for k, (now, ref) in enumerate(zip(times, references, strict=True)):
             signals = observe()
@@ -433,7 +432,7 @@ class Flight:
             ends = k == last or (bool(place) and place[0] >= end)
             commands = yield measured, ref, now, place, ends
             assert commands is not None  # None only starts the flight
-            # The errors follow when all is flown: those of the signals, not those a sensor shows.
+            # Tracking errors are computed after the flight, from the true signals.
             loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
             rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *seen, *speed, *limited)
             if ends:
@@ -445,7 +444,7 @@ class Flight:
         return None
 
     def signals(self) -> pd.DataFrame:
-        """The table of `simulate`, of the samples so far; the flight cannot go on after it."""
+        """The table of `simulate` for the samples so far; the flight cannot continue after it."""
         values = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, len(self._columns))
         return self.table(values)
 
@@ -453,13 +452,13 @@ class Flight:
 def _errors(
     sensors: Sensors | None, navigation: Navigation | None, n: int, dt: float, V_a: float
 ) -> FloatArray:
-    """Errors of sensors and navigation at each sample, as `SensedPlant` takes them."""
+    """Errors of sensors and navigation at each sample, for `SensedPlant`."""
     if sensors is None and navigation is None:
         return np.empty((0, len(SENSED)))
     errors = np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
     if navigation is None:
         return errors
-    # The first of those of navigation is the last of those of sensors.
+    # Airspeed is the last error of sensors and the first of navigation.
     errors = np.hstack([errors, np.zeros((n, len(ERRORS) - 1))])
     errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a)
     return errors
@@ -480,7 +479,7 @@ def _references(
     lead: tuple[float, float],
 ) -> Iterable[ReferenceSample]:
     if isinstance(reference, following.RouteReference):
-        return repeat(ReferenceSample(*reference.initial), len(t))  # until it is followed
+        return repeat(ReferenceSample(*reference.initial), len(t))  # the follower replaces it
     values = np.stack(_sampled(reference, t, lead))
     if isinstance(reference, FeasibleReference):
         planned = map(tuple, reference.commands(t).tolist())
@@ -501,10 +500,10 @@ def _sampled(
 def _feed_forward(
     reference: Reference | FeasibleReference, t: FloatArray, gamma_ref: FloatArray
 ) -> FloatArray:
-    """What the paper's law adds at each sample, as `law_sample` takes it."""
+    """Feed-forward of the paper's law at each sample, for `law_sample`."""
     if isinstance(reference, FeasibleReference):
         return reference.commands(t)
-    # One number at a time, as `MimoPI` asks: NumPy's cosine of many may differ in the last bit.
+    # Number by number, as in `MimoPI`: NumPy's cosine of an array may differ in the last bit.
     lift = {gamma: float(np.cos(gamma)) for gamma in set(gamma_ref.tolist())}
     return np.array([(math.nan, lift[gamma]) for gamma in gamma_ref.tolist()])
 
@@ -541,5 +540,5 @@ def _table(
 
 @cache
 def _named(columns: tuple[str, ...]) -> pd.Index:
-    """Names of columns, made once: it takes longer than all else in a table."""
+    """Names of columns, made once: making them takes most of the time of a table."""
     return pd.Index(columns)
