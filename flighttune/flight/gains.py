@@ -179,8 +179,9 @@ def certify(
         Smallest and largest lag of the inner loop: a rate is proven for all lags between them,
         constant or changing. Delays come from [tuning].
     navigation : "rtk", "standard" or "poor", optional
-        Also bound the true errors that errors of the estimates of this grade cause at the trim: the
-        peak gain, the L1 norm of the impulse response, times three standard deviations.
+        Also bound the true tracking errors that estimation errors of this grade cause at the trim:
+        the peak gain, which is the L1 norm of the impulse response, times three standard
+        deviations.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 

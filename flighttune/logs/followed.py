@@ -14,25 +14,25 @@ from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
-# Time between two points of the path, s, and points at most.
+# Smallest time between two points of the path, s, and maximum number of points.
 STEP_S, MAX_POINTS = 1.0, 300
 
-# Longest log that is followed, s: its wind and speed change.
+# Longest log that is followed, s: over a longer one wind and speed change.
 LONGEST_S = 600.0
 
-NO_HEIGHT = 1000.0  # m, of a log without one
+NO_HEIGHT = 1000.0  # m: height of a log without heights
 
 
 def followed(log: Run, aircraft: str) -> Scenario:
     """A scenario in which an aircraft follows the course and path angle of a log.
 
-    They are those that the log commands, or else those that it flew. The airspeed is its median,
-    and the air is calm.
+    They are the commanded ones, or the flown ones of a log without commands. The airspeed is the
+    median of the log, and the air is calm.
     """
     if not 0.0 < log.duration <= LONGEST_S:
         raise InputError(
-            f"{log.provenance.gains_name}: the log must last at most {LONGEST_S:g} s to be flown "
-            f"beside, got {log.duration:.0f} s: name a part, as FILE@100:200."
+            f"{log.provenance.gains_name}: the log must last at most {LONGEST_S:g} s to be "
+            f"followed, got {log.duration:.0f} s: name a part, such as FILE@100:200."
         )
     times = np.linspace(0.0, log.duration, min(MAX_POINTS, 1 + math.ceil(log.duration / STEP_S)))
     course = np.unwrap(_sampled(log, times, "chi_ref", "chi"))
@@ -60,7 +60,7 @@ def followed(log: Run, aircraft: str) -> Scenario:
 
 
 def _sampled(log: Run, times: FloatArray, *names: str) -> FloatArray:
-    """The first signal that the log has, at some times; gaps are bridged."""
+    """The first of these signals that the log has, at `times`; gaps are interpolated."""
     for name in names:
         if name in log.signals:
             values = log.signals[name].to_numpy()
@@ -74,7 +74,7 @@ def _sampled(log: Run, times: FloatArray, *names: str) -> FloatArray:
 
 
 def _ramps(times: FloatArray, angle: FloatArray) -> list[dict[str, object]]:
-    """Segments of a reference that passes through angles at times."""
+    """Segments of a reference that passes through the angles at the times."""
     rates = DEG_PER_RAD * np.diff(angle) / np.diff(times)
     return [
         {"shape": "ramp", "start_s": start, "duration_s": step, "rate_dps": rate}

@@ -138,9 +138,9 @@ class Certificate(Answering):
         Rates of each channel for ranges of its lag and delay; empty if not requested, and in files
         of version 0.3.0.
     peak_gains : ndarray, shape (p, p), or None
-        Largest true error (rows) for an error of the estimate of 1 (columns), in the units of the
-        errors, at the trim and without a disturbance; None if not requested, and in files of
-        version 0.4.0.
+        Largest true tracking error (rows) for estimation errors of at most 1 (columns), in the
+        units of the errors, at the trim and without a disturbance; None if not requested, and in
+        files of version 0.4.0.
     assumed : tuple of str
         Assumptions of the identified model, one sentence each: a note of its maker.
 
@@ -314,8 +314,8 @@ class Certificate(Answering):
             words += f"; {box.sentence(error)}"
         if self.peak_gains is not None:
             words += "".join(
-                f"; estimates that err by at most n put {error} off by at most "
-                f"{gain + 0.0005:.3f} n, at the trim"
+                f"; estimation errors of at most n cause an error of {error} of at most "
+                f"{gain + 0.0005:.3f} n at the trim"
                 for error, gain in zip(self.model.errors, self.peak_gains.sum(axis=1), strict=True)
             )
         if claim.radius is None or claim.L_d is None:

@@ -1,7 +1,7 @@
-"""Peak gains from an error of what the autopilot knows of each angle to the true error of each.
+"""Peak gains from the estimation error of each angle to the true tracking error of each angle.
 
-The law acts on ``e - n``, n the error of the estimate: ``s' = A_K s + b n`` for
-s = (x, integral of e), with ``b = [-B K_P; -I]``. The true error is ``C x``.
+The law acts on ``e - n``, where n is the estimation error: ``s' = A_K s + b n`` for
+s = (x, integral of e), with ``b = [-B K_P; -I]``. The true tracking error is ``e = C x``.
 """
 
 import numpy as np
@@ -12,17 +12,17 @@ from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.theory.exact import Check, Rationals, exact, identity
 from flighttune.control.theory.peak_gain import PeakGains, peak_gains
 
-# A stated gain is larger than the computed one by this part: another machine rounds differently.
+# Relative margin of a stated gain above the computed one: another machine rounds differently.
 ROOM = 1e-8
 
 
 def estimate_gains(
     loop: Rationals, model: LinearModel, gains: PIGains, Q: FloatArray, *, rate: float
 ) -> PeakGains:
-    """Enclose the peak gains from each estimated error (columns) to each true one (rows), (p, p).
+    """Enclose the gains (p, p) from each estimation error (column) to each true error (row).
 
-    `loop` is the A_K that `gains` close on `model`; `Q` and `rate` (1/s) are proven of it. An
-    InputError says that the loop is too slow to be followed.
+    `loop` is the A_K of `gains` on `model`; `Q` and `rate` (1/s) are proven for it. InputError if
+    the loop is too slow.
     """
     p = len(model.errors)
     k = exact(inner_feedback(model, gains.feedback)[0])
@@ -32,10 +32,10 @@ def estimate_gains(
 
 
 def gains_checks(errors: tuple[str, ...], stated: FloatArray, computed: PeakGains) -> list[Check]:
-    """Check that no stated gain is below its enclosure."""
+    """Check that no stated gain is below its upper bound."""
     return [
         Check(
-            name=f"peak gain of {error} by an error of the estimate of {seen}",
+            name=f"peak gain from the estimation error of {seen} to the true error of {error}",
             margin=float(stated[i, j] - computed.upper[i, j]),
             exact=bool(stated[i, j] >= computed.upper[i, j]),
         )

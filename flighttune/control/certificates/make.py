@@ -32,7 +32,7 @@ from flighttune.control.theory.indicators import Indicators, indicators
 MAX_L_D = 1e6
 
 
-# Deviations of an estimate that its peak gain is given for.
+# Estimation errors in the bound on the true error, in standard deviations.
 SIGMAS = 3.0
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
@@ -68,7 +68,7 @@ class Certification(Answering):
     scaling : ndarray, shape (n + p,), or None
         Units of state in which the gains were tuned; None for plain units.
     navigation : str
-        Grade of the estimates that the peak gains of the certificate were asked for; or empty.
+        Grade of navigation for which peak gains were requested; or empty.
     estimate_sd : tuple of float, length p, or None, unit of the errors
         Standard deviation of each estimate of that grade.
     absent : str
@@ -125,7 +125,7 @@ class Certification(Answering):
         return values
 
     def _estimates(self, certificate: Certificate) -> list[dict[str, Any]]:
-        """Each error: three deviations of its estimate, and the true error that they may cause."""
+        """For each error: three deviations of its estimate, and the bound on the true error."""
         if certificate.peak_gains is None or self.estimate_sd is None:
             return []
         largest = SIGMAS * np.array(self.estimate_sd)
@@ -155,7 +155,7 @@ def certify_model(
     the chi/gamma law contains it, and needs `g`. `L_d` (unit of x' per second) bounds the norm of
     the disturbance's derivative. The claim also holds at `conditions`, each (V_a, gamma) with a
     model, and for every mixture of their loops. `rates` and `boxes` go into the certificate. With
-    `estimates` the certificate states the peak gains from errors of the estimates too.
+    `estimates` the certificate also states the peak gains from estimation errors.
     """
     models = tuple(model for _, model in conditions)
     if any(other.states != model.states for other in models):

@@ -68,7 +68,7 @@ def test_the_file_verifies_and_a_smaller_gain_is_refused_by_its_name(certified):
     verification = ft.verify(value_of(tables, ft.Certificate))
 
     assert not verification.valid
-    assert "peak gain of gamma by an error of the estimate of gamma" in verification.reason
+    assert "peak gain from the estimation error of gamma to" in verification.reason
 
 
 def test_gains_of_a_certificate_are_of_the_number_of_its_errors(certified):
@@ -87,7 +87,7 @@ def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate():
 
     assert np.rad2deg(chi["estimate_rad"]) == pytest.approx(3.0 * 0.1506, rel=0.01)
     assert chi["error_rad"] == pytest.approx(1.23 * chi["estimate_rad"], rel=0.002)
-    assert "put chi off by at most 1.231 n" in certified.certificate.sentence
+    assert "an error of chi of at most 1.231 n" in certified.certificate.sentence
 
 
 @pytest.mark.parametrize(
