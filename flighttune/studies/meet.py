@@ -46,20 +46,20 @@ from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
 from flighttune.vehicles.plant_keys import flown_aircraft
 from flighttune.vehicles.plants.base import goes_by
 
-# What is minimised once all requirements are met with the margin `WANTED`, if it is no column of
-# the rows: the ITAE of both channels; or `MARGIN`, whatever the margin: the largest excess
+# Metrics beside the columns of the rows. `ITAE`: the sum over both channels, minimised once all
+# requirements are met with the margin `WANTED`. `MARGIN`: the largest excess, minimised throughout
 ITAE, MARGIN = "ITAE", "margin"
 
-# Margin of the requirement met worst, relative to its bound, that comes before the metric: this,
-# or that of the gains of the start if it is larger
+# Smallest margin, relative to its bound, that a requirement must have before the metric counts; a
+# start with a larger margin raises it
 WANTED = 0.2
 
-# Share of the R_K of gains of the start that others must keep if those meet everything: a flight
-# without a steady disturbance, and a bound on an overshoot, have no use for integral action
+# Share of the start's R_K that gains must keep if the start meets everything: otherwise a flight
+# without a steady disturbance, or a bound on an overshoot, would remove the integral action
 KEPT_RATE = 0.5
 KEPT = (
-    "R_K must be at least half that of {}, which meets everything: at_least.loop.R_K of [[expect]] "
-    "replaces that."
+    "R_K must be at least half the R_K of {}, which meets everything; at_least.loop.R_K of "
+    "[[expect]] replaces this bound."
 )
 
 STARTS = "The start is {}, the nearest of {}; {} were tried too."
@@ -67,8 +67,8 @@ STARTS = "The start is {}, the nearest of {}; {} were tried too."
 # Margins of the linear loop that are required unless the scenario states others
 MARGINS: dict[str, Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
 
-# Measures of the loop, of which larger is better, that are named where they are worse than with the
-# gains of the start by more than this share; and the error at the end, rad or m/s, that is named
+# Measures of the loop that are reported if they are lower than with the gains of the start by more
+# than the share `NOTED`; smallest error at the end that is reported, rad or m/s
 LOOP = "R_K", "gain_margin_dB", "phase_margin_rad", "delay_margin_s"
 NOTED, NO_ERROR = 0.01, 0.01 * DEG
 
@@ -78,48 +78,48 @@ SUCCESS = 0.95
 # Flights of a search by default, without and with a campaign
 BUDGET, CAMPAIGN_BUDGET = 600, 6000
 
-# Status of gains that meet what is required or not, and of those that are surely such or neither
+# Status of gains by whether they meet the requirements, and by how sure that is
 MET: Mapping[bool, Status] = {False: "missed", True: "met"}
 SURELY: Mapping[str, Status] = {"yes": "met", "no": "missed", "": "not sure"}
 
-# Draws on which each candidate of a search over a campaign is flown, and the least for the count
+# Draws on which a search over a campaign flies each candidate, and fewest draws of the count
 DRAWS, COUNTED = 32, 200
 
-# Candidates of a generation of the first descent, and its first step in the logarithm of the gains.
-# Each restart has twice as much of both, up to steps by `MAX_SPREAD`.
+# Candidates of a generation of the first descent, and its first step in the logarithms of the
+# gains. Each restart doubles both, the step up to `MAX_SPREAD`.
 POPULATION = 12
 SPREAD, MAX_SPREAD = 1.0, 4.0
 
-# Most moves of a descent by slopes; the first and the largest, in the logarithm of the gains, and
-# their factor where nothing better is found; the step of differences, the shares of a move that are
-# flown, and what a move costs, which keeps it short.
+# Descent by slopes, in the logarithms of the gains. Most moves; first and largest reach of a move,
+# and the factor on the reach after a move without gain. Step of the differences, shares of a move
+# that are flown, and cost of the length of a move.
 MOVES, REACH, MAX_REACH, SHORTER = 8, 0.8, 1.6, 0.25
 STEP, SHARES, COST = 0.1, (1.0, 0.5, 0.25), 1e-3
 
-# Generations without a gain of `GAIN` of the objective after which a descent ends
+# A descent ends after so many generations in which the objective falls by less than `GAIN`
 STALLED, GAIN = 8, 2e-3
 
-# Factors on K_P and K_I of the starts: overshoot often asks for a hundredth of the tuned K_I, which
-# a descent from large K_I does not reach
+# Factors on K_P and K_I of the starts: a bound on overshoot often needs a hundredth of the tuned
+# K_I, which a descent from a large K_I does not reach
 FACTORS = (1.0, 1.0), (1.0, 1.0 / 30.0), (0.5, 0.5), (0.5, 1.0 / 60.0)
 
-# Gains this much smaller than the largest are rounding of a tuning, and are not searched
+# Gains smaller than this share of the largest are rounding errors of a tuning: set to zero
 ROUNDING = 1e-5
 
 # Relative change of the gains at which a descent ends
 FINEST = 1e-2
 
-# Excess over a requirement of a flight that was not flown to its end, relative to its bound
+# Excess over a requirement, relative to its bound, of a flight that does not reach its end
 LOST = 1e3
 
-# A requirement is active if it is within this share of the one that is met worst
+# A requirement is active if its margin is within this of the smallest margin
 ACTIVE = 0.02
 
 
 def flights_to_meet(
     scenario: Scenario, law: LawTable, table: CampaignTable | None = None
 ) -> Campaign:
-    """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
+    """Campaign of a scenario with one law, dispersed as the `table` of a campaign states."""
     tuned = list(TUNED_FOR_AIRCRAFT)
     tuned_names = {None, *tuned, *law.law.names_of(tuned)}
     expect = [
@@ -141,9 +141,9 @@ def flights_to_meet(
 class Search:
     """Flies candidates of one law in campaigns, and keeps all of them."""
 
-    # The `metric` is `ITAE`, `MARGIN` or a column of the rows, maybe with ``_deg`` in place of
-    # ``_rad``. With several `draws` of a campaign the share of them on which all requirements are
-    # met is maximised, and the excess that the share `success` of them keeps is minimised.
+    # The `metric` is `ITAE`, `MARGIN` or a column of the rows, also with ``_deg`` for ``_rad``.
+    # With several `draws`, the share of draws on which all requirements are met is maximised, then
+    # the excess that the share `success` of the draws does not exceed is minimised.
     def __init__(
         self,
         campaigns: Sequence[Campaign],
@@ -162,7 +162,7 @@ class Search:
         self.flights, self.candidates, self.wanted, self.least_R_K = 0, 0, WANTED, 0.0
         self._R_K: dict[PIGains, float] = {}
         self.trials: dict[PIGains, Trial] = {}
-        self._rows: dict[PIGains, list[list[Row]]] = {}  # of draws that were stated
+        self._rows: dict[PIGains, list[list[Row]]] = {}  # of calls of `fly` with `draws`
         self.campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
         self.draws, self._success = draws, success
         scenarios = [campaign.nominal for campaign in campaigns]
@@ -171,11 +171,11 @@ class Search:
         self.each = draws * sum(map(len, self._required))  # flights of a candidate
         self._problem = models.tuning_problem(scenarios[0], law)
         self._model = self._problem.model
-        with suppress(InputError):  # without an identified aircraft: [tuning]'s
+        with suppress(InputError):  # without an identified aircraft, the model of [tuning]
             self._model = models.identified_models(scenarios[0], law)[0].model
 
     def begin(self, starts: Sequence[PIGains], budget: int, counting: int) -> list[Trial]:
-        """Fly the gains of the start, in a budget that has these flights and a count."""
+        """Fly the gains of the start; the budget must cover them and `counting` flights."""
         least = len(starts) * self.each + counting
         if budget < least:
             sets = f"each of the {len(starts)} gain sets" if len(starts) > 1 else "the gains"
@@ -187,13 +187,13 @@ class Search:
         return self.fly(starts)
 
     def fly(self, sets: Sequence[PIGains], draws: range | None = None) -> list[Trial]:
-        """Fly candidates in all scenarios; none that is unstable or has been flown on the draws."""
+        """Fly candidates in all scenarios, except unstable ones and ones flown on these draws."""
         stable = []
         for gains in dict.fromkeys(sets):
             loop = indicators_batch(closed_loop(self._model, gains))
             if not loop.stable:
                 trial = self._trial(gains, [[{"plant": x} for x in own] for own in self._required])
-                # the further right its eigenvalues, the worse
+                # The excess grows with the spectral abscissa.
                 excess = trial.excess + LOST * (1.0 + float(loop.spectral_abscissa))
                 self.trials[gains] = replace(trial, excess=np.tile(excess, (self.draws, 1)))
             elif draws or gains not in self.trials:
@@ -212,7 +212,7 @@ class Search:
         """All draws of a campaign, flown with candidates."""
         campaign, names = self.campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
         groups = tuple(Group(plant, name) for name in names for plant in self._required[place])
-        # The requirements are checked by `_trial`: those on the loop once, not in every flight.
+        # `_trial` checks the requirements on the loop, once and not in every flight.
         expect = [
             table.model_copy(
                 update={x: {**getattr(table, x), "loop": {}} for x in ("at_most", "at_least")}
@@ -243,9 +243,9 @@ class Search:
         return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
-        """The checks of rows of each campaign; those of gains not flown have no status."""
+        """Check the rows of each campaign; rows of gains that were not flown have no status."""
         (name,) = self._law.names_of(["0"])
-        # The checks of each draw, with their excesses; LOST where a flight does not follow
+        # Checks of each draw and their excesses, LOST where the aircraft does not follow
         draws: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
         held: list[str] = []
@@ -282,19 +282,19 @@ class Search:
         return Trial(gains=gains, excess=finite, checks=checks, **beside)
 
     def value(self, trial: Trial) -> float:
-        """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
+        """Objective: draws with a missed requirement, plus the excess; the metric is below -1."""
         missed = int((trial.worst > 0.0).sum())
         excess = float(np.quantile(trial.worst, self._success, method="inverted_cdf"))
         if self.least_R_K and self.R_K(trial.gains) < self.least_R_K:
             missed, excess = missed + 1, max(excess, 1.0 - self.R_K(trial.gains) / self.least_R_K)
         if self._metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
             return 0.5 * _squeezed(trial.metric) - 1.5
-        if excess == LOST:  # a requirement has no value: what is nearer to having one is better
+        if excess == LOST:  # a requirement has no value: the metric ranks such candidates
             excess += 0.5 * LOST * _squeezed(trial.metric)
         return missed + 0.5 * _squeezed(excess)
 
     def keep_R_K(self, start: Trial) -> bool:
-        """Require half the R_K of a start that meets all; a bound on R_K takes its place."""
+        """Require half the R_K of a start that meets all requirements, unless R_K is bounded."""
         bounded = any("R_K" in x.at_least.get("loop", ()) for x in self.campaigns[0].nominal.expect)
         if kept := start.met and not bounded:
             self.least_R_K = KEPT_RATE * self.R_K(start.gains)
@@ -313,16 +313,16 @@ class Search:
         return min(self.trials.values(), key=self.value)
 
     def search(self, starts: Sequence[PIGains], budget: float) -> None:
-        """Descend from the starts and `FACTORS` of them, best first, up to `budget` flights."""
+        """Descend from the starts times `FACTORS`, best first, up to `budget` flights."""
         varied = [_varied(gains, factors) for gains in starts for factors in FACTORS]
         trials = self.fly(varied[: max(0, int((budget - self.flights) // self.each))])
         ranked = [trial.gains for trial in sorted(trials, key=self.value)]
         spread, population, start = SPREAD, POPULATION, self.best().gains
         if self.draws == 1 and self._follow_slopes(self.best(), budget).met:
-            start = self.best().gains  # where slopes lead nowhere, they may have led into a corner
+            start = self.best().gains  # otherwise the slopes may have led into a corner
         for restart in range(2 * len(ranked)):
             if self.flights + population * self.each > budget:
-                population = POPULATION  # what is left of the budget is not left lying
+                population = POPULATION  # uses the rest of the budget
             before = self.value(self.best())
             self._descend(start, budget, spread, population)
             best = self.best()
@@ -343,7 +343,7 @@ class Search:
             steps = np.where(x + STEP > free.top, -STEP, STEP)
             beside = self.fly([free.gains(x + step) for step in np.diag(steps)])
             changes = [self._excesses(trial) - excess for trial in beside]
-            # What has no value, here or there, has no slope.
+            # A requirement without a value, here or beside, has no slope.
             valued = excess < LOST
             slopes = np.where(np.abs(changes) < 0.5 * LOST, changes, 0.0).T / steps
             move = _least_worst(excess[valued], slopes[valued], -self.wanted, reach, free.top - x)
@@ -356,17 +356,17 @@ class Search:
         return best
 
     def _excesses(self, trial: Trial) -> FloatArray:
-        """Excess over each requirement of one draw, and over that on R_K."""
+        """Excess over each requirement of one draw, and over the bound on R_K."""
         kept = 1.0 - self.R_K(trial.gains) / self.least_R_K if self.least_R_K else -LOST
         return np.append(trial.excess[0], kept)
 
     def _free(self, gains: PIGains) -> "Free":
-        """The gains that a search changes: those that are not 0."""
+        """The gains that a search changes: all that are not 0."""
         assert self._problem.K_max is not None
         return Free(gains, self._problem.K_max)
 
     def _descend(self, start: PIGains, end: float, spread: float, population: int) -> None:
-        """Search from gains, up to `end` flights of this search; gains that are 0 stay so."""
+        """Descend from gains, up to `end` flights of this search; zero gains stay zero."""
         warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
         import cma
 
@@ -387,13 +387,13 @@ class Search:
             least = min(least, *values)
 
     def conflicting(self, trial: Trial) -> list[int]:
-        """Requirements of one draw that are missed or hold the others off, met worst first."""
+        """Requirements of one draw that are missed or active, smallest margin first."""
         excess = trial.excess[0]
         least = min(max(excess.max(), -WANTED) - ACTIVE, 0.0)
         return [int(i) for i in np.argsort(-excess, kind="stable") if excess[i] >= least]
 
     def trade_offs(self, nearest: Trial) -> Iterator[dict[str, Any]]:
-        """The conflicting requirements: best value, and best value with the others met, or None."""
+        """Conflicting requirements: best value, and best value with the others met, or None."""
         trials = list(self.trials.values())
         excess = np.array([trial.excess[0] for trial in trials])
         for i in self.conflicting(nearest):
@@ -416,11 +416,11 @@ class Free:
         self.top = np.log(largest[self._at])
 
     def logarithms(self, gains: PIGains) -> FloatArray:
-        """Logarithms of their sizes, no larger than `top`."""
+        """Logarithms of the absolute gains, limited to `top`."""
         return np.minimum(np.log(np.abs(gains.K[self._at])), self.top)
 
     def gains(self, x: FloatArray) -> PIGains:
-        """The set with these logarithms."""
+        """The gain set with these logarithms."""
         K = self._gains.K
         K[self._at] = self._signs * np.exp(x)
         return _of_matrix(self._gains, K)
@@ -429,8 +429,8 @@ class Free:
 def _least_worst(
     excess: FloatArray, slopes: FloatArray, enough: float, reach: float, room: FloatArray
 ) -> FloatArray:
-    """The shortest move by which the largest excess becomes least, or `enough`, by its slopes."""
-    # A linear program of the moves up and down, and of the largest excess.
+    """The move that minimises the largest excess down to `enough`, by linear programming."""
+    # Variables: moves up, moves down, and the largest excess.
     n = len(room)
     cost = np.append(np.full(2 * n, COST), 1.0)
     rows = np.hstack([slopes, -slopes, -np.ones((len(excess), 1))])
@@ -440,7 +440,7 @@ def _least_worst(
 
 
 def stated(check: BoundCheck) -> dict[str, Any]:
-    """A requirement with its value, as tables and ``--json`` have it."""
+    """A requirement with its value, for tables and ``--json``."""
     return {
         "run": check.run,
         "measure": f"{check.subject}.{check.measure}",
@@ -453,7 +453,7 @@ def stated(check: BoundCheck) -> dict[str, Any]:
 
 
 def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
-    """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
+    """Gains tuned for a law and gains of a scenario, by name, without sets that do not exist."""
     sets: dict[str, PIGains | None] = {}
     listed = map(scenario.listed_as, scenario.gain_names)
     for name in dict.fromkeys([*TUNED_FOR_AIRCRAFT, TUNED, *listed]):
@@ -479,40 +479,40 @@ def meet(
 ) -> Meeting:
     """Find gains that meet the ``[[expect]]`` of a scenario, by flying candidates.
 
-    Seconds for the law, a minute for an aircraft (600 flights), several with a campaign.
+    A search takes seconds on the law, a minute on an aircraft (600 flights), and several minutes
+    with a campaign.
 
     Parameters
     ----------
     scenario : Scenario, str or Path
-        The gains are for its first law. Also a file, or the name of a shipped one.
+        A scenario, its file, or the name of a shipped one. The gains are for its first law.
     also : sequence of Scenario, str or Path
         Other scenarios whose requirements the same gains must meet; none with a campaign.
     start : PIGains or str, optional
         Gains to start from, also by name or file, by default the scenario's and the tuned ones.
     budget : int, optional
-        Maximum number of flights, with those of the count on fresh draws, by default 600, or 6000
+        Maximum number of flights, including the count on fresh draws, by default 600, or 6000
         with a campaign.
     metric : str
         Metric to minimise once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
-        over both channels, or a column of campaign rows; or ``margin``, which maximises the margin
-        further, by default ITAE. It is absent with a campaign.
+        over both channels, or a column of campaign rows. ``margin`` maximises the margin further.
+        The default is ITAE; with a campaign the metric must be absent.
     campaign : str or Path, optional
-        Campaign that disperses the scenario: a file, or the name of a shipped one. The share of
-        draws that meet the requirements is maximised, and counted on the draws of the campaign,
-        none of which the search has seen or chosen by.
+        Campaign that disperses the scenario: a file, or the name of a shipped one. The search
+        maximises the share of draws that meet the requirements. The share is then counted on the
+        draws of the campaign, which the search has not flown.
     success : float, 1, optional
         Share of the draws of a campaign on which gains must meet all requirements, by default 0.95.
-        The lower end of its interval must reach it, or the estimate where no count of so many draws
-        has such an end. It is absent without a campaign.
+        The lower end of the interval must reach this share, or the estimate if even a perfect count
+        of so many draws has a lower end below it. Absent without a campaign.
     until_sure : bool
         Count independent draws of a campaign, whatever its design, until it is sure whether the
-        gains found meet all requirements in that share of them, by a rule that is valid at any
-        number of draws, at a confidence of 0.95: a clear yes takes 84 draws at 0.95, a clear no 12.
-        By default as many draws are counted as the campaign has, at least 200; with this they are
-        the most.
+        gains found meet all requirements in the share `success`. The rule is valid at any number of
+        draws, at a confidence of 0.95: a clear yes takes 84 draws at 0.95, a clear no 12. The draws
+        of the campaign, at least 200, are the maximum; by default all of them are counted.
     navigation : {"exact", "rtk", "standard", "poor"}, optional
-        What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
-        source, else along a route a standard receiver and inertial unit.
+        Grade of ``[navigation]``, by default the scenario's, or on a route without one a standard
+        receiver and inertial unit.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional
@@ -526,9 +526,9 @@ def meet(
     Returns
     -------
     Meeting
-        The best gains, even if they miss a requirement; those of the start if none of those found
-        miss less, or meet all by more or by as much. Where the start meets all, R_K is at least
-        half of its, unless R_K is bounded. What is ``worse`` with them is said.
+        The best gains, even if they miss a requirement; the gains of the start if the search finds
+        nothing better. If the start meets all requirements, R_K is at least half of the start's,
+        unless R_K is bounded. ``worse`` lists the measures that are worse than at the start.
 
     Raises
     ------
@@ -576,7 +576,7 @@ def meet(
         notes = (*notes, *note)
         if search.keep_R_K(trials[met]):
             notes = (*notes, KEPT.format(met))
-        # Margins beyond those wanted are worth nothing on a campaign: what is not asked for pays.
+        # On a campaign, margins beyond `WANTED` have no worth: other measures would pay for them.
         if dispersed is None or trials[met].worst.max() > -WANTED:
             search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
@@ -624,7 +624,7 @@ def meet(
 def _stated_start(
     scenario: Scenario, start: PIGains | str | None
 ) -> tuple[dict[str, PIGains], tuple[str, ...]]:
-    """Gains to start from by their name, none if none are stated; notes about the gains."""
+    """Gains to start from by name, empty if none are stated; notes about the gains."""
     if start is None:
         return {}, scenario.gains_notes()
     begun = load.chosen_entry(scenario, start)
@@ -634,7 +634,7 @@ def _stated_start(
 def _first(
     scenario: Scenario, trials: Mapping[str, Trial], value: Callable[[Trial], float]
 ) -> tuple[str, tuple[str, ...]]:
-    """The start with which what is found is compared, and a note of why it is that."""
+    """Name of the start with which the gains found are compared, and a note about the choice."""
     own = [x for x in map(scenario.listed_as, scenario.gain_names) if x in trials]
     first = min(own or trials, key=lambda name: value(trials[name]))
     whose = "the gains that the scenario flies" if own else "the tuned gains"
@@ -655,7 +655,7 @@ def _law_by_gains(scenario: Scenario) -> LawTable:
 def _check_campaign(
     dispersed: Campaign | None, success: float | None, metric: str, until_sure: bool
 ) -> None:
-    """Refuse what is only about a campaign without one, and what cannot be with one."""
+    """Refuse arguments that need a campaign without one, and arguments that exclude one."""
     if until_sure and (dispersed is None or success == 1.0):
         got = "a success of 1" if dispersed else "none"
         raise InputError(f"`until_sure` must be with a campaign and a success below 1, got {got}.")
@@ -681,27 +681,26 @@ def _fresh_draws(campaign: Campaign) -> int:
 def _count(
     count: Search, sets: Sequence[PIGains], wanted: float, until_sure: bool
 ) -> tuple[list[Trial], dict[str, Any]]:
-    """Fly gains and start on fresh draws, all or until it is sure; the shares that meet all."""
+    """Fly gains and start on all fresh draws, or until sure; return the shares that meet all."""
     trials: list[Trial] = []
     flags: list[npt.NDArray[np.bool_]] = []
     n, answers = 0, [""]
     ends = [*range(0, count.draws, LOOK if until_sure else count.draws), count.draws]
     for begin, n in pairwise(ends):
         trials = count.fly(sets, range(begin, n))
-        # The search chose these gains on its own draws: a choice on the fresh ones would make the
-        # interval false.
-        # Of gains whose loop is unstable all draws are there, without a flight.
+        # The search chose these gains on its own draws; a choice on the fresh draws would make the
+        # interval false. Gains with an unstable loop have all draws already, without flights.
         flown = ~trials[0].default
         flags = [trial.excess[:n, flown].max(axis=1) <= 0.0 for trial in trials]
         if until_sure:
             answers = [sure(int(np.sum(~met)), n, 1.0 - wanted, CONFIDENCE) for met in flags]
         if answers[0]:
             break
-    if until_sure:  # an interval is not valid at a number of draws that the draws decide
+    if until_sure:  # the draws decided how many there are, so an interval would not be valid
         shares = [{"value": float(met.mean()), "n": n} for met in flags]
         by, statuses = "evidence", [SURELY[answer] for answer in answers]
     else:
-        # The lower end of the interval decides, unless it is below `wanted` for any count.
+        # The lower end of the interval decides, unless even a perfect count has it below `wanted`.
         cycles = np.arange(n) // cycle(count.campaigns[0])
         by = "lo" if share(np.ones(n, dtype=bool), cycles).lo >= wanted else "value"
         shares = [share(met, cycles)._asdict() for met in flags]
@@ -753,12 +752,12 @@ def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator
 
 
 def whole_cycles(campaign: Campaign, draws: int) -> int:
-    """At least so many draws, in whole cycles of the design."""
+    """Smallest number of draws from `draws` up that is a whole number of cycles of the design."""
     return -(-draws // cycle(campaign)) * cycle(campaign)
 
 
 def _required(scenario: Scenario) -> list[str]:
-    """Labels of the plants with requirements; in wind aircraft first: others replay their wind."""
+    """Labels of plants with requirements; in wind, aircraft first: others replay their wind."""
     plants = sorted(scenario.plant, key=lambda x: scenario.windy and x.aircraft is None)
     labels = (plant.label for plant in plants)
     return [label for label in labels if any(goes_by(label, x.plant) for x in scenario.expect)]
@@ -784,13 +783,13 @@ def _metric(row: Row, metric: str) -> float:
 
 
 def _varied(gains: PIGains, factors: tuple[float, float]) -> PIGains:
-    """Gains with factors on K_P and on K_I, without those that are rounding."""
+    """Gains times factors on K_P and on K_I; gains that are rounding errors become zero."""
     K = np.where(np.abs(gains.K) < ROUNDING * np.abs(gains.K).max(), 0.0, gains.K)
     return _of_matrix(gains, K * np.repeat(factors, len(gains.errors)))
 
 
 def _of_matrix(gains: PIGains, K: FloatArray) -> PIGains:
-    """Gains with other numbers, stacked as those of `PIGains.K`."""
+    """Gains with other numbers, stacked like `PIGains.K`."""
     K_P, K_I = np.hsplit(K, 2)
     return replace(gains, K_P=K_P, K_I=K_I)
 

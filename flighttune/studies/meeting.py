@@ -1,4 +1,4 @@
-"""Gains that were searched for to meet requirements, with all candidates."""
+"""Result of a search for gains that meet requirements, with all candidates."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from flighttune.flight.scenario.schema import Scenario
 
 Status: TypeAlias = Literal["met", "missed", "not sure"]
 
-# How rows of the margins are named that are required unless the scenario states others.
+# Run of the margins that are required unless the scenario states others.
 BY_DEFAULT = "by default"
 
 
@@ -29,8 +29,8 @@ class Trial:
 
     gains: PIGains
     excess: FloatArray  # (draws, requirements); relative to the bounds, `LOST` without a value
-    checks: tuple[tuple[BoundCheck, ...], ...]  # likewise
-    metric: float = math.inf  # sum over the flights of what is minimised
+    checks: tuple[tuple[BoundCheck, ...], ...]  # of each draw and requirement
+    metric: float = math.inf  # sum over the flights of the metric
     ends: Mapping[str, float] = field(default_factory=dict)  # largest ``end_error`` by channel
     held: tuple[str, ...] = ()  # which limits hold a command to the end, in words
 
@@ -41,7 +41,7 @@ class Trial:
 
     @property
     def worst_draw(self) -> int:
-        """The draw nearest to a bound, by the requirements on which draws differ, if any."""
+        """The draw with the smallest margin, by the requirements on which draws differ, if any."""
         differ = np.ptp(self.excess, axis=0) > 0.0
         return int(self.excess[:, differ | ~differ.any()].max(axis=1).argmax())
 
@@ -52,29 +52,29 @@ class Trial:
 
     @property
     def default(self) -> npt.NDArray[np.bool_]:
-        """Which requirements are required by default, which no flight decides."""
+        """Which requirements are default margins, which no flight decides."""
         return np.array([check.run.endswith(BY_DEFAULT) for check in self.checks[0]])
 
 
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Meeting(Answering):
-    """The gains nearest to meeting the requirements of scenarios, of all that were flown.
+    """The flown gains that are nearest to meeting the requirements of scenarios.
 
     Attributes
     ----------
     status : "met", "missed" or "not sure"
     scenario : Scenario
-        The first one, whose first law the gains are for.
+        The first scenario; the gains are for its first law.
     campaign : Campaign or None
-        The campaign that dispersed it.
+        The campaign that disperses the scenario.
     gains : PIGains
-        The best ones, even if they miss a requirement.
+        The best gains, even if they miss a requirement.
     start, start_gains : str, PIGains
-        Name of the gains with which those found are compared, the nearest of those that the
-        scenario flies, and those.
+        Name and gains of the start used for comparison: the best of the gain sets that the
+        scenario flies.
     start_met : bool
-        Whether those meet all requirements already.
+        Whether the start already meets all requirements.
     flights, candidates : int
         Number of flights, and of gain sets that were flown.
     metric : mapping
@@ -82,33 +82,34 @@ class Meeting(Answering):
         ``start``.
     requirements : sequence of mapping
         ``run``, ``measure``, ``sense``, ``bound``, ``value``, ``margin`` relative to the bound, why
-        there is no value (``why``), the value at the ``start``, and the shares of draws on which it
-        is met; those that are ``active`` stop the metric. On a campaign, values are those of the
-        worst fresh draw.
+        there is no value (``why``), the value at the ``start``, and the shares of draws on which
+        the requirement is met. ``active`` requirements keep the metric from falling further. On a
+        campaign, values are from the worst fresh draw.
     worse : sequence of mapping
-        What is worse than at the start, required or not: R_K, margins of the loop and the largest
-        mean error at the end of each channel, with ``measure``, ``value`` and ``start``, in SI.
+        Measures that are worse than at the start, required or not: R_K, margins of the loop and the
+        largest mean error at the end of each channel, with ``measure``, ``value`` and ``start``, in
+        SI.
     trade_offs : sequence of mapping
-        How far each requirement in conflict came in this search: in any candidate (``alone``), and
-        in those that met the others (``beside``, None if none did). Empty on a campaign.
+        Best value of each conflicting requirement in this search: in any candidate (``alone``), and
+        in candidates that meet the others (``beside``, None if none does). Empty on a campaign.
     success : mapping or None
-        On a campaign the ``share`` of fresh draws on which all are met, that of the start
-        (``of_start``), the share ``wanted``, and whether the lower end of the interval (``lo``),
-        the estimate (``value``) or evidence at any number of draws decides (``by``); whether it is
-        ``sure``, "yes", "no" or empty; the ``worst_draw`` and the ``seed`` of these draws.
+        On a campaign the ``share`` of fresh draws on which all requirements are met, the share of
+        the start (``of_start``) and the share ``wanted``. ``by`` says what decides: the lower end
+        of the interval (``lo``), the estimate (``value``) or ``evidence``. ``sure`` is "yes", "no"
+        or empty. Also the ``worst_draw`` and the ``seed`` of these draws.
     worst : Scenario or None
-        The scenario in that draw.
+        The scenario in the worst draw.
     trials : sequence of Trial
         All candidates.
     tuned_for : mapping
-        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, of all scenarios.
+        Names of ``aircraft``, and ends of the airspeed ranges (``V_a_mps``) of all scenarios.
     notes : tuple of str
-        A sentence for gains of the start that were tuned for others, and, without a campaign, for a
-        command that a limit holds to the end.
+        Sentences about a start that was tuned for another aircraft or airspeed and, without a
+        campaign, about a command that a limit holds to the end.
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the flights that were not completed.
     compiled : CompiledFlights
-        How many flights were compiled, and how many JSBSim flew, again or alone.
+        Numbers of flights that were compiled, that JSBSim flew again, and that JSBSim flew alone.
 
     Examples
     --------
