@@ -39,7 +39,7 @@ from flighttune.control.theory.indicators import indicators_batch
 from flighttune.flight import load, models
 from flighttune.flight.entry import entry_of
 from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
-from flighttune.flight.metrics import AIRSPEED, limits_in_words
+from flighttune.flight.metrics import AIRSPEED, OFF_ROUTE, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
@@ -63,6 +63,11 @@ KEPT = (
 )
 
 STARTS = "The start is {}, the nearest of {}; {} were tried too."
+
+TRUE_PLACE = (
+    "Distances from the route count from the true place. The errors of navigation alone take the "
+    "aircraft off it, whatever the gains; `--navigation exact` leaves them out."
+)
 
 # Margins of the linear loop that are required unless the scenario states others
 MARGINS: dict[str, Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
@@ -615,7 +620,7 @@ def meet(
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
             **({"assumed": assumed} if assumed else {}),
         },
-        notes=notes if dispersed else (*notes, *nearest.held),
+        notes=(*notes, *_off_route(scenarios, nearest), *(() if dispersed else nearest.held)),
         endings=pool.progress.endings,
         compiled=pool.progress.compiled,
     )
@@ -641,6 +646,13 @@ def _first(
     others = [name for name in trials if name != first]
     note = STARTS.format(first, whose, listed(others))
     return first, (note,) if others else ()
+
+
+def _off_route(scenarios: Sequence[Scenario], trial: Trial) -> tuple[str, ...]:
+    """A note where a distance from a route is missed by autopilots that do not know their place."""
+    missed = (f"{x.subject}.{x.measure}" for x in trial.checks[trial.worst_draw] if not x.met)
+    erring = any(scenario.navigation for scenario in scenarios)
+    return (TRUE_PLACE,) if erring and any(name in x for x in missed for name in OFF_ROUTE) else ()
 
 
 def _law_by_gains(scenario: Scenario) -> LawTable:

@@ -667,3 +667,15 @@ def test_an_axis_of_candidates_reaches_from_the_best_to_a_little_beyond_the_mark
     expected = low - room, high + room
 
     assert _range(np.array(values), row) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("navigation", "missed"), [(None, True), ("exact", False)])
+def test_a_distance_from_a_route_that_navigation_takes_is_said(navigation, missed):
+    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 400.0)]
+    short = {"route": {"waypoint": legs}, "seed": 1}
+    route = scenario(at_most("flight", cross_track_m=0.5), name="circuit", **short)
+
+    meeting = ft.meet(route, start="tuned_fed_back", budget=1, navigation=navigation, workers=1)
+
+    assert meeting.status == ("missed" if missed else "met")
+    assert any("`--navigation exact` leaves them out" in x for x in meeting.notes) == missed
