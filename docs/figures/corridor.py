@@ -18,7 +18,7 @@ FILE = Path(__file__).parents[1] / "corridor.svg"
 HEIGHT, KM = 270.0, 1000.0
 (BLUE, _), (LIGHT, _) = HUES[0]
 
-WIDER = 100
+WIDER = 10
 """Factor by which the corridor is drawn wider: a true one is as narrow as the line of the route."""
 
 MAX_FLIGHTS = 50
