@@ -53,8 +53,7 @@ def judged(name: str, folder: Path, flights: int) -> str:
     if not file.exists():
         program = Path(sys.executable).with_name("flighttune")
         subprocess.run(
-            [program, "mission", *ROUTES[name], *EXACT, "--out", band, "--workers", "1"],
-            check=True,
+            [program, "mission", *ROUTES[name], *EXACT, "--out", band, "--workers", "1"], check=True
         )
     room, corridor = load_counted(file), load_counted(band)
     assert isinstance(room, TurnBack)
