@@ -1,4 +1,4 @@
-"""``[navigation]`` of a scenario."""
+"""Table ``[navigation]`` of a scenario."""
 
 from typing import Annotated, TypeAlias
 
@@ -17,37 +17,37 @@ Lag: TypeAlias = Annotated[q.NotNegative, Field(le=1e4)]  # s
 
 
 class NavigationTable(q.Table):
-    """``[navigation]``: what the autopilot knows of its motion, by a grade and its numbers."""
+    """``[navigation]``: how well the autopilot knows its motion, by a grade and its numbers."""
 
-    grade: Grade = "standard"  # a number left out below is that of the grade
+    grade: Grade = "standard"  # gives every number that is left out below
     position_sd_m: Distance | None = None  # slow error of the receiver, per horizontal axis
-    position_time_constant_s: q.TimeConstant | None = None  # of this error
+    position_time_constant_s: q.TimeConstant | None = None  # of the slow error
     position_fast_sd_m: Distance | None = None  # faster error of the receiver
     position_fast_time_constant_s: q.TimeConstant | None = None  # of the faster error
     position_noise_m: Distance | None = None  # of each fix
     velocity_noise_mps: q.WindSpeed | None = None  # of each fix
     velocity_sd_mps: q.WindSpeed | None = None  # slow error of the receiver's velocity
-    velocity_time_constant_s: q.TimeConstant | None = None  # of this error of velocity
+    velocity_time_constant_s: q.TimeConstant | None = None  # of the slow error of velocity
     height_sd_m: Distance | None = None  # slow error of the barometer
-    height_time_constant_s: q.TimeConstant | None = None  # of this error of height
+    height_time_constant_s: q.TimeConstant | None = None  # of the slow error of height
     height_noise_m: Distance | None = None  # of the barometer
     height_of_q: Share | None = None  # part of the dynamic pressure that the static port sees
-    climb_noise_mps: q.WindSpeed | None = None  # of a fix, upwards; half of it is slow besides
-    climb_time_constant_s: q.TimeConstant | None = None  # of the slow half
-    period_s: Period | None = None  # from fix to fix
+    climb_noise_mps: q.WindSpeed | None = None  # of each fix; its slow error is half
+    climb_time_constant_s: q.TimeConstant | None = None  # of the slow error of climb
+    period_s: Period | None = None  # from one fix to the next
     accelerometer_noise: Density | None = None  # m/s^2 per root Hz
     gyro_noise: Density | None = None  # deg/s per root Hz
     gyro_walk: Density | None = None  # of the bias, deg/s^2 per root Hz
-    roll_bias_sd_deg: q.AngularSpread | None = None  # of installation and accelerometer
-    roll_noise_deg: q.AngularSpread | None = None  # of the filter's roll, at 0.05 s
-    n_z_bias_sd: Share | None = None  # and in g of the acceleration along the path
-    n_z_noise: Share | None = None  # of both, at each sample
-    airspeed_scale_sd: Share | None = None  # of the airspeed at the start
+    roll_bias_sd_deg: q.AngularSpread | None = None  # from installation and accelerometer bias
+    roll_noise_deg: q.AngularSpread | None = None  # of the filter's roll, time constant 0.05 s
+    n_z_bias_sd: Share | None = None  # also of the acceleration along the path, g
+    n_z_noise: Share | None = None  # of load factor and acceleration, at each sample
+    airspeed_scale_sd: Share | None = None  # scale error, relative to the airspeed at the start
     airspeed_sd_mps: q.WindSpeed | None = None  # slow error of the airspeed
-    airspeed_time_constant_s: q.TimeConstant | None = None  # of this error of airspeed
-    airspeed_noise_mps: q.WindSpeed | None = None  # of the airspeed, at 0.1 s
+    airspeed_time_constant_s: q.TimeConstant | None = None  # of the slow error of airspeed
+    airspeed_noise_mps: q.WindSpeed | None = None  # of the airspeed, time constant 0.1 s
     wind_sd_mps: q.WindSpeed | None = None  # error of the estimated wind, per horizontal axis
-    wind_time_constant_s: q.TimeConstant | None = None  # of this error of wind
+    wind_time_constant_s: q.TimeConstant | None = None  # of the error of wind
     wind_lag_s: Lag | None = None  # of the estimate behind the wind
     filter_position_m: Assumed | None = None  # noise of position that the filter assumes
     filter_velocity_mps: Assumed | None = None  # noise of velocity that the filter assumes
@@ -62,12 +62,12 @@ class NavigationTable(q.Table):
 
 
 def _name(key: str) -> str:
-    """The attribute of `Navigation` behind a key."""
+    """The attribute of `Navigation` for a key."""
     for unit in ("_m", "_mps", "_s", "_deg"):
         key = key.removesuffix(unit)
     return key
 
 
 def _unit(key: str) -> float:
-    """The unit of a key in that of its attribute."""
+    """Factor from the unit of a key to SI."""
     return DEG if key.endswith("_deg") or key.startswith("gyro_") else 1.0

@@ -28,7 +28,7 @@ def aerodynamics(now: Properties, root: Element) -> None:
         raise Unsupported("a model without aerodynamics")
     _lengths(now, aero)
     shift = aero.find("aero_ref_pt_shift_x/function")
-    # The last of several axes of one name is the one that counts.
+    # Of several axes with one name the last one counts.
     axes = {_AXES[axis.get("name", "")]: axis for axis in aero.findall("axis")}
     own: list[Number] = [0.0] * 6
     at_cg: list[Number] = [0.0] * 6
@@ -58,12 +58,12 @@ def aerodynamics(now: Properties, root: Element) -> None:
 
 
 def _lengths(now: Properties, aero: Element) -> None:
-    """What functions read besides flow and controls."""
+    """Lengths, areas and stall signals that functions read besides flow and controls."""
     qbar, area = now["aero/qbar-psf"], now["metrics/Sw-sqft"]
     coefficient = now["_lift"] / (area * qbar)
     squared = select(qbar > _MOVING, coefficient * coefficient, now["aero/cl-squared"])
     now["aero/cl-squared"] = squared
-    # Functions of the whole see the lengths of the step before.
+    # Functions outside the axes see the lengths of the previous step.
     for part in aero.findall("function"):
         if part.get("type") in (None, "pre"):
             function(now, part)

@@ -36,12 +36,12 @@ SLUG_TO_LB = 32.174049
 _FPS_TO_KTS = 1.0 / (1852.0 / (3600 * 0.3048))
 _IN_TO_FT = 1.0 / 12.0
 
-# Airspeed and its part along the plane of symmetry, squared, below which angles are zero
+# Airspeed, and square of its part in the plane of symmetry, below which flow angles are zero
 _MOVING, _ALONG = 0.001, 1e-6
 
 
 def body_arm(place: Vector, cg: Vector) -> Vector:
-    """From the centre of gravity to a place, both in inches of the structure: ft in body axes."""
+    """Vector from the centre of gravity to a place (structural frame, inches), ft in body axes."""
     return [
         _IN_TO_FT * (cg[0] - place[0]),
         _IN_TO_FT * (place[1] - cg[1]),
@@ -50,7 +50,7 @@ def body_arm(place: Vector, cg: Vector) -> Vector:
 
 
 def air_data(now: Properties) -> None:
-    """All of it, from velocity, wind and the accelerations of the step before."""
+    """All air data, from velocity, wind and the accelerations of the previous step."""
     _attitude_rates(now)
     _flow(now)
     _path(now)
@@ -125,7 +125,7 @@ def _pressures(now: Properties) -> None:
 
 
 def _calibrated(pressure: Number) -> Number:
-    """Airspeed at sea level with an impact pressure, below Mach 1."""
+    """Airspeed at sea level that has an impact pressure, below Mach 1."""
     a, b = 2.0 / (HEAT_RATIO - 1.0), (HEAT_RATIO - 1.0) / HEAT_RATIO
     mach = sqrt(a * (power(pressure / SEA_LEVEL_P + 1.0, b) - 1.0))
     return math.sqrt(HEAT_RATIO * R_DRY * SEA_LEVEL_T) * mach

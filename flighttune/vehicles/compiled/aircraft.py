@@ -20,9 +20,9 @@ from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 
 @dataclass(frozen=True)
 class Start:
-    """The start of one flight: its states and parameters, by the places of `Names`.
+    """The start of one flight: states and parameters in the order of `Names`.
 
-    `random` is the state of the generator of the turbulence.
+    `random` is the state of the turbulence's random generator.
     """
 
     states: FloatArray
@@ -31,14 +31,14 @@ class Start:
 
 
 class CompiledStep:
-    """The step of an aircraft in machine code, for all flights that differ in numbers alone.
+    """The step of an aircraft in machine code, for all flights that differ only in numbers.
 
     Attributes
     ----------
     source : Source
-        The aircraft that it is of.
+        The aircraft.
     air : Air
-        The kind of air that it is for.
+        The kind of air.
     steps : int
         Integration steps in a sample of the inner loop.
     names : Names
@@ -55,14 +55,14 @@ class CompiledStep:
         self.normals, self.fly = machine.normals, machine.fly
 
     def start_from(self, plant: JSBSimPlant) -> Start:
-        """The start of a flight whose plant has started; the plant cannot fly any more."""
+        """The start of a flight, from a plant that has started; the plant cannot fly afterwards."""
         fdm = plant.fdm
         if fdm is None:
             raise PlantError("`JSBSimPlant` must be started before its flight is compiled.")
         own = {HEIGHT_0: fdm.reader("position/h-sl-ft")() * FT, GROUND: fdm.ground}
         if self.air.gust:
             if plant.weather is None or plant.weather.gust is None:
-                raise PlantError("`weather` must have a gust for a step that is made for one.")
+                raise PlantError("`weather` must have a gust for a step with a gust.")
             own |= gust_numbers(plant.weather.gust, fdm.rate)
         names = [x for x in (*self.names.states, *self.names.parameters) if x not in own]
         numbers = Source(plant.config, fdm.steps, fdm.files).numbers

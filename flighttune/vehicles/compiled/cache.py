@@ -28,7 +28,7 @@ _DIGEST, _LENGTH = 32, 8
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """What is kept of a step: names and machine code, and the record of its check flight."""
+    """A cached step: names, machine code, and the record of its check flight."""
 
     names: Names
     code: bytes
@@ -42,7 +42,7 @@ class Kept:
 
 
 def kept_from(data: bytes, key: str) -> Kept | None:
-    """What a file holds; None if it is not whole, or of another key."""
+    """Content of a cache file; None if it is damaged or belongs to another key."""
     body = data[_DIGEST:]
     if len(body) < _LENGTH or sha256(body).digest() != data[:_DIGEST]:
         return None
@@ -88,7 +88,7 @@ def _own_folder() -> Path | None:
 
 @contextmanager
 def _alone(file: Path) -> Iterator[None]:
-    """Let one process at a time make a step; none waits for ever."""
+    """Let one process at a time make a step; the wait of others is limited."""
     lock = FileLock(file.with_suffix(".lock"), mode=0o600)
     held = False
     with suppress(OSError, Timeout):
@@ -109,7 +109,7 @@ def _own(path: Path) -> bool:
 
 
 def _read(file: Path, key: str) -> Kept | None:
-    # Whatever is wrong with a file, the step is made anew.
+    # Whatever is wrong with a file, the step is made again.
     with suppress(Exception):
         if _own(file):
             return kept_from(file.read_bytes(), key)

@@ -43,7 +43,7 @@ _COMMANDS = (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD)
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What came of the check flight of an aircraft.
+    """Result of the check flight of an aircraft.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Verdict:
     difference: str = ""
 
     def record(self) -> dict[str, Any]:
-        """As it is kept."""
+        """The result as the cache stores it."""
         return asdict(self)
 
 

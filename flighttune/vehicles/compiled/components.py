@@ -36,7 +36,7 @@ from flighttune.vehicles.compiled.trace import (
     sin,
 )
 
-# JSBSim runs its systems in this order, whatever that in the file.
+# JSBSim runs its systems in this order, whatever their order in the file.
 SYSTEMS = ("system", "autopilot", "flight_control")
 
 # Size of a trigger that counts as zero.
@@ -51,7 +51,7 @@ _NO_PARTS = ("documentation", "description")
 
 FILTERS = ("lag_filter", "washout_filter", "lead_lag_filter", "second_order_filter")
 
-# A degree, as the component for angles has it.
+# A degree, in the digits of JSBSim's component for angles.
 _DEGREE = 0.017453293
 
 
@@ -351,7 +351,7 @@ def integrator_kind(element: Element) -> str:
 
 
 def integrand(kind: str, x: Any, before: Any, earlier: Any = 0.0) -> Any:
-    """What an integrator adds up in a step, from its input now and in the steps before."""
+    """Increment of an integrator in a step, from its input now and in the previous steps."""
     if kind == "rect":
         return x
     if kind == "trap":

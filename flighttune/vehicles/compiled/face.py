@@ -22,11 +22,10 @@ from flighttune.vehicles.compiled.step import MachineStep, Names, traced
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
-# Versions of JSBSim whose step this is.
+# Versions of JSBSim that the compiled step reproduces.
 KNOWN_VERSIONS = ("1.3.3",)
 
-
-# Flights with other numbers in which a step is tried to be checked
+# Flights that may fail to check a step before it is refused
 MAX_UNCHECKED = 5
 
 
@@ -47,8 +46,8 @@ def compiled(
 ) -> CompiledStep | Refusal:
     """The compiled step of an aircraft in still air or wind, with turbulence or a gust in it.
 
-    The first use of an aircraft compiles its step and flies it beside JSBSim; what comes of that
-    is kept. `steps`: integration steps in a sample of the inner loop. `files`: as for `Source`.
+    The first use of an aircraft compiles its step and flies it beside JSBSim; the result is cached.
+    `steps`: integration steps in a sample of the inner loop. `files`: as for `Source`.
     """
     if why := machine.unknown_platform():
         return Refusal(why)
@@ -66,7 +65,7 @@ def compiled(
 
 @cache
 def jsbsim_version() -> str:
-    """The version that is installed."""
+    """The installed version of JSBSim."""
     return version("jsbsim")
 
 
@@ -77,7 +76,7 @@ def not_compiled(config: AircraftConfig) -> str:
 
 
 def sloped(step: CompiledStep) -> MachineStep:
-    """The same step with slopes behind its states, parameters and signals."""
+    """The step of an aircraft with slopes behind its states, parameters and signals."""
     return _sloped(step.source, step.air)
 
 
@@ -93,7 +92,7 @@ def _sloped(source: Source, air: Air) -> MachineStep:
 
 @lru_cache(maxsize=32)
 def _unchecked(_source: Source, _air: Air) -> list[str]:
-    """Why flights on a step could not check it, to be continued: others may have other numbers."""
+    """Reasons why flights could not check a step, a list to append to: other numbers may do."""
     return []
 
 
@@ -127,7 +126,7 @@ def _code(source: Source, air: Air, *, sloped: bool = False) -> tuple[Names, byt
 
 
 def _key(source: Source, air: Air, kind: str = "") -> str:
-    """Digest of all that makes a step: the model and its parts, JSBSim, the machine, our code."""
+    """Digest of everything a step depends on: the model and its parts, JSBSim, machine, code."""
     digest = sha256()
 
     def add(*texts: str | bytes) -> None:
@@ -145,7 +144,7 @@ def _key(source: Source, air: Air, kind: str = "") -> str:
 
 @cache
 def _own_digest() -> bytes:
-    """Digest of the code that makes a step, its start and the flight that checks it."""
+    """Digest of the code that makes a step, starts it and checks it."""
     files = sorted(Path(vehicles.__file__).parent.rglob("*.py"))
     files.append(Path(units.__file__))
     return sha256(b"".join(file.read_bytes() for file in files)).digest()

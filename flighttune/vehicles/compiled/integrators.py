@@ -105,7 +105,7 @@ class Integrator:
 
 
 class _Past(NamedTuple):
-    """What an integrator met in each run."""
+    """Inputs and changes of an integrator in each run."""
 
     inputs: list[float]
     changes: list[float]  # of its sum

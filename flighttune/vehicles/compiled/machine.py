@@ -15,7 +15,7 @@ _MATHEMATICS = "libm.so.6"
 
 
 def unknown_platform() -> str:
-    """What stands against the bits of JSBSim on this computer; empty if nothing does."""
+    """Why this computer may not give the bits of JSBSim; empty if it does."""
     here = f"{sys.platform} {platform.machine()} {platform.libc_ver()[0]}".strip()
     known = "linux x86_64 glibc"
     return "" if here == known else f"the platform must be {known}, got {here}"
@@ -71,5 +71,5 @@ class Loaded:
         self._engine.finalize_object()
 
     def address(self, name: str) -> int:
-        """Where a function begins; 0 if there is none of that name."""
+        """Address of a function; 0 if there is none of that name."""
         return self._engine.get_function_address(name)

@@ -18,16 +18,16 @@ from flighttune.vehicles.compiled.rigid_body import quaternion_rate
 from flighttune.vehicles.compiled.vectors import add, matrix_of, normalized, quaternion_of, scale
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
-# Doubles on each side of a guess that are tried: for the largest component of a quaternion, and the
-# most for smaller ones, whose doubles lie closer; for an acceleration.
+# Doubles tried on each side of a guess. Quaternion: for the largest component, and at most for
+# smaller components, whose doubles lie closer. Then for an acceleration.
 _NEAR, _TRIED = ((2, 2), (4, 4), (2, 64), (2, 256)), 64
 
-# Most quaternions that are tried at once, which take 100 MB, and most steps until one is left.
+# Most quaternions tried at once (100 MB), and most steps until one is left.
 _MOST, STEPS = 1_000_000, 200
 
 
 def neighbours(x: float, count: int) -> list[float]:
-    """A double and those next to it, the nearest first."""
+    """A double and its neighbours, the nearest first."""
     near = [x]
     up = down = x
     for _ in range(count):
@@ -38,7 +38,7 @@ def neighbours(x: float, count: int) -> list[float]:
 
 @dataclass(frozen=True)
 class Motion:
-    """What JSBSim shows of the rigid body at an instant."""
+    """Motion of the rigid body at an instant, as JSBSim shows it."""
 
     rotation: FloatArray  # shape (3, 3): from the Earth to the body
     rates: list[float]
@@ -61,9 +61,9 @@ def motion_reader(fdm: Fdm) -> Callable[[], Motion]:
 def quaternion_from(
     motions: Sequence[Motion], dt: float, more: Callable[[], Motion]
 ) -> list[float]:
-    """The quaternion that gives the rotations of JSBSim to the bit, now and in the steps after.
+    """The quaternion that gives JSBSim's rotations to the bit, now and in the next steps.
 
-    `more` makes another step where several quaternions give those of `motions`.
+    `more` makes another step as long as several quaternions reproduce `motions`.
     """
     motions = list(motions)
     guess = [float(x) for x in quaternion_of(motions[0].rotation.tolist())]
@@ -83,12 +83,12 @@ def _nearest(
     dt: float,
     more: Callable[[], Motion],
 ) -> list[float] | None:
-    """The exact quaternion among so many doubles on each side of a guess; None if none is."""
-    # All combinations of near doubles, a column each; arithmetic of NumPy is that of JSBSim.
+    """The exact quaternion within `counts` doubles on each side of a guess, or None."""
+    # All combinations of near doubles, a column each; NumPy computes the same bits as JSBSim.
     near = np.meshgrid(*map(neighbours, guess, counts), indexing="ij")
     starts = now = np.array([values.ravel() for values in near])
     for k in range(STEPS):
-        if starts.shape[1] == 1:  # numbers take a tenth of the time of arrays of one
+        if starts.shape[1] == 1:  # numbers take a tenth of the time of arrays of length 1
             return starts[:, 0].tolist() if _gives(now[:, 0].tolist(), motions[k:], dt) else None
         if k == len(motions):
             motions.append(more())
@@ -105,7 +105,7 @@ def _nearest(
 
 
 def _gives(q: Sequence[float], motions: Sequence[Motion], dt: float) -> bool:
-    """Whether a quaternion gives the rotations of all steps from one on."""
+    """Whether a quaternion gives the rotations of all `motions`."""
     for motion in motions:
         if matrix_of(q) != motion.rotation.tolist():
             return False
@@ -127,7 +127,7 @@ def acceleration_before(motions: Sequence[Motion], dt: float) -> list[float]:
     before, after = motions[0], motions[1]
     for v_0, a_0, v_1 in zip(before.velocity, before.acceleration, after.velocity, strict=True):
         wanted = (1.5 * a_0 - (v_1 - v_0) / dt) / 0.5
-        # Any that gives the velocity after the step will do: it is not used again.
+        # Any value that gives the velocity after the step will do: it is not used again.
         near = (
             a_1
             for a_1 in (a_0, *neighbours(wanted, _TRIED))

@@ -32,7 +32,7 @@ _FEATHERING = 300
 
 
 class Push(NamedTuple):
-    """What a thruster does: thrust (lbf), its own moment (lbf ft), and where it acts (in)."""
+    """Output of a thruster: thrust (lbf), its own moment (lbf ft), and where it acts (in)."""
 
     thrust: Number
     moment: Vector
@@ -105,7 +105,7 @@ def _corrected(
 
 
 def _induced_velocity(thrust: Number, speed: Number, mass: Number) -> Number:
-    """Half of what the propeller adds to the speed of the air behind it, ft/s."""
+    """Induced velocity: half the increase of airspeed behind the propeller, ft/s."""
     total = speed * fabs(speed) + 2.0 * thrust / mass
     root = sqrt(fabs(total))
     return select(total > 0.0, 0.5 * (-speed + root), 0.5 * (-speed - root))

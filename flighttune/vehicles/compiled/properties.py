@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Properties during one step: what is read before it is written is a state or a parameter."""
+"""Properties in one step: a property that is read before it is written is state or parameter."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ _SURFACES = (
 
 
 class Unsupported(Exception):
-    """What the compiled step does not know; JSBSim flies."""
+    """A part of a model that the compiled step does not support: JSBSim flies."""
 
 
 def named(pattern: str, axes: Sequence[str] = "xyz") -> list[str]:

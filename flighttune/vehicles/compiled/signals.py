@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""What a flight shows of a step: the signals of the plant, and what its guard looks at."""
+"""Values that a flight shows after a step: the signals of the plant, and those of its guard."""
 
 from collections.abc import Mapping
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Slopes of a traced step in forward mode: one more graph, of the change of each value."""
+"""Slopes of a traced step in forward mode: a second graph, for the change of each value."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,15 +20,15 @@ from flighttune.vehicles.compiled.trace import (
     symbolic,
 )
 
-# Beginning of the name of the slope of a state, parameter or signal.
+# Prefix of the name of the slope of a state, parameter or signal.
 SLOPE = "d:"
 
 
 def slopes(graph: Graph, of: Mapping[str, Number], values: Sequence[Number]) -> list[Number]:
-    """Slopes of values where those `of` the inputs are known; others have none.
+    """Slopes of values from the slopes `of` inputs; inputs that are not listed have slope zero.
 
-    A value that jumps, as the segment of a table or a rounded number, has the slope that it has
-    between two jumps: zero.
+    A value that jumps, such as the segment of a table or a rounded number, has its slope between
+    two jumps, which is zero.
     """
     found: dict[int, Number] = {}
     roots = [value for value in values if isinstance(value, Value)]
@@ -39,10 +39,10 @@ def slopes(graph: Graph, of: Mapping[str, Number], values: Sequence[Number]) -> 
 
 
 def _slope(node: Value, found: Mapping[int, Number]) -> Number:
-    """The slope of an operation by those of its operands."""
+    """The slope of an operation, from the slopes of its operands."""
     graph, (op, _, name) = node.graph, node.op.partition(" ")
     rule = _RULES.get(name if op == "call" else op)
-    if rule is None:  # constants, conditions, and what goes in steps
+    if rule is None:  # constants, conditions, and values that change in steps
         return 0.0
     if op == "select":
         condition, *places = node.args
@@ -60,7 +60,7 @@ def _value(graph: Graph, place: int) -> Number:
 
 
 def _where(positive: Number, a: Number) -> Number:
-    """A slope where a number is positive; elsewhere there is none, and it is taken as zero."""
+    """A slope where a number is positive, else zero: there the slope is undefined."""
     if constant_of(positive) is not None:
         return a if positive > 0.0 else 0.0
     return select(positive > 0.0, a, 0.0)
@@ -87,7 +87,7 @@ def _fabs(_: Value, x: Number, dx: Number) -> Number:
     return select(x < 0.0, -dx, dx)
 
 
-# Slope of an operation from its value, those of its operands, and their slopes.
+# Slope of an operation from its value, its operands and their slopes.
 _RULES: Mapping[str, Callable[..., Number]] = {
     "select": select,
     "fadd": lambda _, a, b, da, db: da + db,

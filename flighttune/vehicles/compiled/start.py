@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The state of a flight at its start, from JSBSim: what it shows, and what it keeps to itself."""
+"""The state of a flight at its start, from JSBSim: its properties, and its hidden state."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -50,10 +50,10 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
 
-# Samples of the inner loop that JSBSim flies, and that it flies where gains cannot be taken away.
+# Samples of the inner loop that JSBSim flies: normally, and where gains cannot be set to zero.
 _FEW, _MANY = 12, 2000
 
-# Frequency at which roll and load factor are moved meanwhile, rad/s.
+# Frequency of the roll and load-factor commands in the long flight, rad/s.
 _SWEEP = 5.0
 
 
@@ -62,7 +62,7 @@ def start_values(
 ) -> Values:
     """Values of states and parameters at the start of a flight of JSBSim.
 
-    JSBSim makes its first steps, which show what it keeps to itself: the flight of `fdm` is over.
+    JSBSim makes the first steps, which reveal its hidden state. `fdm` cannot fly afterwards.
     """
     start = _Start(fdm, model, numbers)
     later = {*QUATERNION, *QUATERNION_RATE, *ACCELERATION_1}
@@ -76,24 +76,24 @@ def start_values(
     commands = [fdm.writer(name) for name in (properties.PHI_CMD, properties.N_Z_CMD)]
     (_, phi), (low, high) = fdm.config.limits.phi, fdm.config.limits.n_z
     for k in range((_FEW if known else _MANY) * fdm.steps + 1):
-        if not known:  # what is small beside the input shows where that changes its sign
+        if not known:  # a sum that is small beside the input shows where the input changes sign
             swing = 0.4 * math.sin(_SWEEP * k * dt)
             commands[0](phi * swing)
             commands[1](1.0 + min(high - 1.0, 1.0 - low) * swing)
         if k:
             fdm.run()
-        if k <= STEPS:  # those of `more` go on where these end
+        if k <= STEPS:  # `more` continues from here
             motions.append(motion())
         rows.append({name: value() for name, value in read.items()})
     for name, count in delays.items():
-        # The oldest comes out first.
+        # The oldest value comes out first.
         values |= {f"_delay{k}:{name}": rows[count - k + 1][name] for k in range(1, count + 1)}
     sums = _sums(fdm, integrators)
     for part, last in zip(integrators, sums, strict=True):
         values[f"_sum:{part.name}"] = part.settled(rows, last, dt)
 
     def more() -> Motion:
-        # Gains are away, but attitude follows the rates that are shown as before.
+        # The gains are zero now, but the attitude still follows the rates that are shown.
         fdm.run()
         return motion()
 
@@ -104,7 +104,7 @@ def start_values(
 
 
 def _delays(model: Model) -> dict[str, int]:
-    """Components whose output is late, and by how many runs: no more than JSBSim shows."""
+    """Components with a delay, and its number of runs, if the first steps show all of it."""
     found = {}
     for channel in channels_of(model.root):
         for element in channel:
@@ -115,7 +115,7 @@ def _delays(model: Model) -> dict[str, int]:
 
 
 def _sums(fdm: Fdm, integrators: Sequence[Integrator]) -> list[float | None]:
-    """Sums of integrators: what they show without their gains; None where those are numbers."""
+    """Sums of integrators: the output with the gains set to zero; None if gains are numbers."""
     # Where no time passes, the filters of turbulence divide by zero.
     fdm.writer("atmosphere/turb-type")(0.0)
     gains = {text for part in integrators if part.fades for text in part.gains.values()}
@@ -126,7 +126,7 @@ def _sums(fdm: Fdm, integrators: Sequence[Integrator]) -> list[float | None]:
 
 
 class _Start:
-    """Values by name; those that JSBSim hides are worked out once."""
+    """Values by name; hidden values are computed once."""
 
     def __init__(self, fdm: Fdm, model: Model, numbers: Mapping[str, float]) -> None:
         self._fdm, self._model = fdm, model
@@ -142,7 +142,7 @@ class _Start:
         for engine in model.engines:
             self.hidden |= self._engine(engine)
         for n, channel in enumerate(channels_of(model.root)):
-            # The start falls on the end of a sample.
+            # The start is the end of a sample.
             self.hidden[f"_frames{n}"] = float(execution_rate(channel))
             self._dt = model.dt * execution_rate(channel)
             for element in channel:
@@ -174,7 +174,7 @@ class _Start:
         if kind == "actuator":
             return self._actuator(element, self._value(sources[0]))
         if kind in ("pid", "integrator"):
-            # The sum of an <integrator> is its output; those of others are found later.
+            # The sum of an <integrator> is its output; the sum of a <pid> is found later.
             x, y = self._value(sources[0]), self[name]
             return {f"_in:{name}": x, f"_in2:{name}": x, f"_sum:{name}": y}
         if kind in FILTERS:
@@ -186,7 +186,7 @@ class _Start:
 
     def _engine(self, engine: EngineFile) -> Values:
         n, at = engine.number, engine.at
-        # A flight control whose engine settles has left the phase of the trim before the start.
+        # An engine that settles has left its trim phase before the start.
         values = {f"_first{n}": float(not self._fdm.engine_settles), f"_augmented{n}": 0.0}
         idle = value_of(engine.motor, "idlen2", 60.0)
         most = value_of(engine.motor, "maxn2", 100.0)
@@ -199,7 +199,7 @@ class _Start:
         return values
 
     def _boost(self, engine: EngineFile) -> float:
-        """By how much a supercharger raises the pressure behind the throttle."""
+        """Ratio by which a supercharger raises the pressure behind the throttle."""
         if (charger := supercharger_of(engine)) is None:
             return 1.0
         rpm = self[f"{engine.at}/propeller-rpm"] * propeller_of(engine).gear_ratio
@@ -207,7 +207,7 @@ class _Start:
         return ((charger.multiples[speed] - 1) / charger.speeds[speed]) * rpm + 1
 
     def _actuator(self, element: Element, x: float) -> Values:
-        # While JSBSim trims, lag and rate limit pass their input on; a clip shows its bound.
+        # During the trim the output of lag and rate limit equals the input; a clip gives its bound.
         name = name_of(element)
         y, clip = self[name], element.find("clipto")
         bounds = [] if clip is None else [self._value(end.text or "") for end in clip]
@@ -216,7 +216,7 @@ class _Start:
         return self._late(element, x) | past
 
     def _late(self, element: Element, x: float) -> Values:
-        """A lag and a delay whose input has been `x`."""
+        """A lag and a delay in the steady state of the input `x`."""
         name = name_of(element)
         y = self[name]
         runs = delay_of(element, self._dt)
@@ -226,7 +226,7 @@ class _Start:
 
 
 def _rigid_body(fdm: Fdm) -> Values:
-    """The derivatives by which JSBSim integrates, but for those of the attitude."""
+    """The derivatives that JSBSim integrates, except those of the attitude."""
 
     def read(names: Sequence[str]) -> list[float]:
         return [fdm.reader(name)() for name in names]
@@ -258,6 +258,6 @@ def _inertia(fdm: Fdm) -> Values:
 
 
 def _changes_more(element: Element) -> bool:
-    """Whether a component does more to its input than a lag: its output is not that of the lag."""
+    """Whether a component does more than a lag, so that its output differs from its lag's."""
     parts = "gain", "bias", "deadband_width", "hysteresis_width", "quantization"
     return any(element.find(tag) is not None for tag in parts)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Symbolic doubles: arithmetic in Python that is written down as a graph of operations.
+"""Symbolic doubles: arithmetic in Python that is recorded as a graph of operations.
 
 The same source runs on floats, which folds it. Only what changes no number is simplified:
 constants, ``x*1``, ``x/1``, ``x+0`` and ``x*0`` (of finite numbers; the sign of a zero may
@@ -98,7 +98,7 @@ class Value:
 
 
 class Condition(Value):
-    """What is true or false when the step runs."""
+    """A condition that is known when the step runs."""
 
     __slots__ = ()
 
@@ -126,7 +126,7 @@ Truth: TypeAlias = bool | Condition
 
 
 def constant_of(x: Number) -> float | None:
-    """The number of what is known already, or None."""
+    """The number of a value that is known already, or None."""
     return None if isinstance(x, Value) else float(x)
 
 

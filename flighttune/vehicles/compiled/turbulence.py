@@ -26,9 +26,9 @@ WIND = [f"atmosphere/wind-{axis}-fps" for axis in ("north", "east", "down")]
 GUST = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
 TOTAL_WIND = [f"atmosphere/total-wind-{axis}-fps" for axis in ("north", "east", "down")]
 
-# A 1-cosine gust: steps flown and the step in which it begins, whether it blows and since when (s);
-# its durations (s), size (ft/s) and direction in the body at its start; that to north, east and
-# down, and the gust itself.
+# A 1-cosine gust: steps flown, step in which it begins, whether it blows and for how long so far
+# (s); its durations (s), size (ft/s) and direction in the body at its start; the direction to
+# north, east and down, and the gust itself.
 GUST_COUNT, GUST_FIRST, GUST_BLOWS, GUST_TIME = named("_gust-{}", ("count", "first", "on", "t"))
 GUST_RISE, GUST_HOLD, GUST_FALL, GUST_SIZE = named("_gust-{}", ("rise", "hold", "fall", "size"))
 GUST_BODY, GUST_DIRECTION = named("_gust-body-{}"), named("_gust-direction-{}")
@@ -74,7 +74,7 @@ AT_REST = dict.fromkeys(
 
 
 def gust_numbers(gust: Gust, rate: float) -> dict[str, float]:
-    """Numbers of a gust in flights with so many steps a second."""
+    """Numbers of a gust in flights with `rate` steps per second."""
     sign = math.copysign(1.0, gust.peak)
     body = {"ahead": (sign, 0.0, 0.0), "right": (0.0, sign, 0.0), "down": (0.0, 0.0, sign)}
     numbers = {
@@ -91,7 +91,7 @@ def total_wind(
     now: Properties, dt: float, model: Literal["", "milspec", "tustin"], *, gust: bool
 ) -> None:
     """Wind, gusts and turbulence together, north, east and down."""
-    # The turbulence sees the gust of the step before.
+    # The turbulence sees the gust of the previous step.
     turbulence = _turbulence(now, dt, model, gust=gust) if model else ZERO
     if gust:
         _cosine_gust(now, dt)
@@ -162,7 +162,7 @@ def _scales(now: Properties, *, gust: bool) -> _Scales:
 
 
 def _turbulence(now: Properties, dt: float, model: str, *, gust: bool) -> Vector:
-    """Velocities of the air; its rates of rotation go to `turbulent_rates`."""
+    """Velocity of the turbulent air; its angular rates go to `turbulent_rates`."""
     scales = _scales(now, gust=gust)
     noise = dict(zip("uvwp", now.vector(NOISE), strict=True))
     old = {name: now[f"_{name}"] for name in _MEMORY}
@@ -181,7 +181,7 @@ def _turbulence(now: Properties, dt: float, model: str, *, gust: bool) -> Vector
 def _tustin(
     scales: _Scales, dt: float, noise: dict[str, Number], old: dict[str, Number]
 ) -> dict[str, Number]:
-    """Filters of the standard, made discrete by Tustin's rule."""
+    """Filters of the standard, discretised by Tustin's rule."""
     V, span = scales.V, scales.span
     omega_w, omega_v = V / scales.L_w, V / scales.L_u
 

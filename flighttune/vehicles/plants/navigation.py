@@ -1,4 +1,4 @@
-"""Navigation: errors of what an autopilot knows of its motion, as its estimator leaves them."""
+"""Navigation: estimation errors of the motion that an autopilot sees."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,8 +16,8 @@ from flighttune.base.errors import InputError
 from flighttune.base.units import DEG, G_0
 
 # Errors at a sample, seen minus true: airspeed (m/s), roll (rad), load factor, position and height
-# (m), velocity over ground (m/s), what is added to the estimate of the wind (m/s), and acceleration
-# along the path (m/s^2).
+# (m), velocity over ground (m/s), input to the estimate of the wind (m/s), and acceleration along
+# the path (m/s^2).
 ERRORS = (
     *("V_a", "phi", "n_z", "north", "east", "h", "v_north", "v_east", "v_up"),
     *("wind_north", "wind_east", "wind_down", "acceleration"),
@@ -26,43 +26,44 @@ ERRORS = (
 Complexes: TypeAlias = npt.NDArray[np.complex128]
 Grade: TypeAlias = Literal["rtk", "standard", "poor"]
 
-# Key of the seed's child that the errors are drawn from, which has one child for each signal.
+# Spawn key of the errors; each signal has a stream of its own.
 _STREAM = 0x4A71
 
-# Noise that PX4's EKF2 assumes of its inertial sensors (EKF2_ACC_NOISE, EKF2_GYR_NOISE) and of the
-# walk of their biases (EKF2_GYR_B_NOISE, EKF2_ACC_B_NOISE), a prediction of 0.01 s, and the time
-# in which corrections reach the output (EKF2_TAU_VEL, EKF2_TAU_POS): docs/navigation.md.
+# Noise that PX4's EKF2 assumes for its inertial sensors (EKF2_ACC_NOISE, EKF2_GYR_NOISE) and the
+# random walk of their biases (EKF2_GYR_B_NOISE, EKF2_ACC_B_NOISE); its prediction step, s; time
+# constant of corrections at the output (EKF2_TAU_VEL, EKF2_TAU_POS), s: docs/navigation.md.
 ACC_NOISE, GYR_NOISE, GYR_B_NOISE, ACC_B_NOISE = 0.35, 0.015, 1e-3, 3e-3
 PREDICTION_S, OUTPUT_S = 0.01, 0.25
 
-# Vertical accelerometers see the vibration of wing and engine, and err twice as much; the slow
-# part of an error of climb is half the fast one.
+# A vertical accelerometer sees vibration of wing and engine, so its noise is twice as large. The
+# slow error of climb is half the fast one.
 VERTICAL, SLOW_CLIMB = 2.0, 0.5
 
-# Time constants of noise of roll and of airspeed behind their filters, s.
+# Time constants of the noise of roll and of airspeed, s.
 FAST_ROLL_S, FAST_AIRSPEED_S = 0.05, 0.1
 
 
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Navigation:
-    """What an estimator of position, velocity and attitude leaves unknown.
+    """Errors of an estimator of position, velocity and attitude.
 
-    Deviations (``_sd``) of slow errors go with a time constant (s), ``_noise`` is drawn anew at
-    every fix or sample. docs/navigation.md has the source of each number.
+    A slow error has a standard deviation (``_sd``) and a time constant (s); ``_noise`` is
+    independent at every fix or sample. docs/navigation.md has the source of each number.
 
     Attributes
     ----------
     position_sd, position_time_constant, position_fast_sd, position_fast_time_constant : float
         Two slow errors of the receiver, m and s, in each horizontal axis.
     position_noise, velocity_noise, velocity_sd, velocity_time_constant : float
-        Its noise, m and m/s, and the slow error of its velocity.
+        Noise of the receiver, m and m/s, and the slow error of its velocity.
     height_sd, height_time_constant, height_noise : float
         Error of the barometer, m and s.
     height_of_q : float
-        Deviation of the part of the dynamic pressure that the static port sees.
+        Standard deviation of the share of the dynamic pressure that the static port sees.
     climb_noise, climb_time_constant : float
-        Vertical velocity of the receiver, m/s, and its slow part, of half the deviation.
+        Noise of the receiver's vertical velocity, m/s, and time constant of its slow error, which
+        has half the deviation.
     period : float, s
         Time between two fixes.
     accelerometer_noise, gyro_noise, gyro_walk : float
@@ -70,15 +71,15 @@ class Navigation:
     roll_bias_sd, roll_noise : float, rad
         Installation and accelerometer bias, and noise.
     n_z_bias_sd, n_z_noise : float, 1
-        Load factor; the acceleration along the path errs by as much, in g.
+        Load factor; the acceleration along the path has the same errors, in g.
     airspeed_scale_sd, airspeed_sd, airspeed_time_constant, airspeed_noise : float
-        Share of the airspeed at the start, and errors in m/s.
+        Scale error relative to the airspeed at the start, and errors in m/s.
     wind_sd, wind_time_constant, wind_lag : float
-        Horizontal wind, m/s and s.
+        Error and lag of the estimated horizontal wind, m/s and s.
     filter_position, filter_velocity, filter_height, filter_climb : float
-        Noise of the fixes that the filter assumes, m and m/s, which makes its gain.
+        Noise of the fixes that the filter assumes, m and m/s, from which its gain follows.
     seed : int
-        The errors are a function of it alone, the same whatever else is drawn from that seed.
+        Seed of the errors, which depend on nothing else drawn from it.
 
     Examples
     --------
@@ -129,7 +130,7 @@ class Navigation:
 
     @classmethod
     def of(cls, grade: Grade, *, seed: int = 0, **numbers: float) -> "Navigation":
-        """The errors of a grade, with other `numbers` in the place of some of it."""
+        """The errors of a grade, some of whose numbers are replaced by `numbers`."""
         if grade not in GRADES:
             raise InputError(f"`grade` must be one of {', '.join(GRADES)}, got {grade!r}.")
         return cls(**{**GRADES[grade], **numbers}, seed=seed)
@@ -137,14 +138,14 @@ class Navigation:
     def errors(self, samples: int, dt: float, V_a: float) -> FloatArray:
         """`ERRORS` at each of the samples, `dt` s apart, shape (samples, 13).
 
-        `V_a` (m/s): the airspeed at the start. The same bits for the same seed; a longer flight
-        begins as a shorter one.
+        `V_a` (m/s): the airspeed at the start. A seed gives the same bits; the errors of a longer
+        flight begin with those of a shorter one.
         """
         n, (level, vertical) = samples, axes(replace(self, seed=0), dt)
         (north, v_north, _), (east, v_east, tilt) = (level.drawn(n, self._rng(i)) for i in (0, 1))
         h, v_up = vertical.drawn(n, self._rng(2))
         scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
-        # Pressure that is taken for height: a share of q over the weight of the air.
+        # A share of the dynamic pressure, taken for height: divided by the weight of the air.
         h += self.height_of_q * of_q * V_a * V_a / (2.0 * G_0)
         airspeed = self.airspeed_scale_sd * scale * V_a + self._wander(
             4, n, dt, self.airspeed_sd, self.airspeed_time_constant
@@ -162,10 +163,9 @@ class Navigation:
         return np.stack(columns, axis=1)
 
     def path_sd(self, dt: float, V_a: float) -> tuple[float, float, float]:
-        """Deviations of the estimated course and path angle (rad), and relative one of airspeed.
+        """Standard deviations of estimated course and path angle (rad), and of airspeed (relative).
 
-        They are those just before a fix at an airspeed of `V_a` (m/s), of an estimator that has run
-        for long.
+        They hold just before a fix, at an airspeed of `V_a` (m/s), in the steady state.
         """
         level, vertical = axes(replace(self, seed=0), dt)
         across, up = (math.sqrt(axis.covariance[1, 1]) for axis in (level, vertical))
@@ -173,11 +173,11 @@ class Navigation:
         return across / V_a, up / V_a, airspeed / V_a
 
     def wind_share(self, dt: float) -> float:
-        """Share of the wind of a sample in its estimate."""
+        """Share of the wind at a sample in its estimate."""
         return dt / (self.wind_lag + dt)
 
     def _wander(self, signal: int, n: int, dt: float, sd: float, tau: float = 0.0) -> FloatArray:
-        """A Gauss-Markov sequence of a signal, white without a time constant."""
+        """A Gauss-Markov sequence of a signal; white noise without a time constant."""
         decay = math.exp(-dt / tau) if tau else 0.0
         return wander(self._rng(signal).standard_normal(n), sd, decay)
 
@@ -186,7 +186,7 @@ class Navigation:
         return np.random.default_rng(stream)
 
 
-# Numbers that divide: time constants, the period and the noise that the filter assumes.
+# Numbers that must be positive: time constants, the period and the noise that the filter assumes.
 POSITIVE = frozenset(
     field.name
     for field in fields(Navigation)
@@ -226,7 +226,7 @@ GRADES: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 @lru_cache(maxsize=64)
 def axes(of: Navigation, dt: float) -> tuple["Axis", "Axis"]:
-    """Errors along a horizontal axis (position, velocity, tilt) and the vertical one."""
+    """Errors along a horizontal axis (position, velocity, tilt) and along the vertical axis."""
     every = max(round(of.period / dt), 1)
     level = np.eye(4)  # position, velocity, tilt, and bias of the gyro
     level[0, 1:3], level[1, 2], level[2, 3] = (dt, 0.5 * G_0 * dt * dt), G_0 * dt, -dt
@@ -271,11 +271,11 @@ def _axis(
     slow: Sequence[tuple[int, float, float]],
     numbers: tuple[int, float, int],
 ) -> "Axis":
-    """The errors of a filter with the gain of the noise that it assumes.
+    """The errors of a filter whose gain follows from the noise that it assumes.
 
-    `driven` and `noise` are true deviations; `slow` has the fix, the deviation and the time
-    constant of each slow error; `numbers` are samples from fix to fix, a sample (s), and how many
-    errors are shown.
+    `driven` and `noise` are true deviations. `slow` has the fix, the deviation and the time
+    constant of each slow error. `numbers` are the samples from fix to fix, the sample time (s), and
+    the number of errors returned.
     """
     (every, dt, shown), m, q = numbers, len(motion), len(slow)
     gain = _gain(motion, np.square(assumed) * PREDICTION_S * dt, np.square(assumed_of_fix), every)
@@ -318,22 +318,22 @@ def _gain(motion: FloatArray, q: FloatArray, r: FloatArray, every: int) -> Float
 class Axis:
     """Errors of a filter along an axis, which a fix corrects every few samples.
 
-    The state has m errors of the filter: those of its output, and the corrections that are still to
-    reach it. Behind them stand the q slow errors of the fixes.
+    The state has m errors of the filter's output, m corrections that have not reached the output
+    yet, and q slow errors of the fixes.
     """
 
-    before: FloatArray  # the motion of a sample, a map of the state
-    fix: FloatArray  # what a fix makes of it
-    after: FloatArray  # what of the corrections reaches the output in a sample
+    before: FloatArray  # map of the state by the motion in a sample
+    fix: FloatArray  # map of the state by a fix
+    after: FloatArray  # map of the state as corrections reach the output in a sample
     every: int  # samples from fix to fix
-    driven: dict[int, float]  # states that the noise of a sample drives, and its deviation
-    noise: FloatArray  # what the noise of a fix adds to the state, a column for each
+    driven: dict[int, float]  # deviation of the noise of a sample, by the state that it drives
+    noise: FloatArray  # effect of each noise of a fix on the state, in columns
     slow: tuple[tuple[float, float], ...]  # deviation of each slow error, and its decay in a period
-    shown: int  # states of the output that are returned
+    shown: int  # number of output errors returned
 
     @cached_property
     def maps(self) -> list[FloatArray]:
-        """From the state before a fix to that after each sample of its period."""
+        """Maps from the state before a fix to the state after each sample of its period."""
         maps, step = [self.after @ self.fix @ self.before], self.after @ self.before
         while len(maps) < self.every:
             maps.append(step @ maps[-1])
@@ -341,7 +341,7 @@ class Axis:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Covariance of the state before a fix, of a filter that has run for long."""
+        """Steady-state covariance of the state before a fix."""
         from scipy.linalg import solve_discrete_lyapunov
 
         n, q = len(self.before), len(self.slow)
@@ -367,7 +367,7 @@ class Axis:
 
     @cached_property
     def modes(self) -> tuple[Complexes, ...]:
-        """Factors of the modes from fix to fix, the errors of each, and the modes of the errors."""
+        """Eigenvalues, eigenvectors and inverse eigenvectors of the map from fix to fix."""
         m = len(self.before) - len(self.slow)
         factors, errors = np.linalg.eig(self.maps[-1][:m, :m])
         of_modes = factors, errors, np.linalg.inv(errors)
@@ -402,7 +402,7 @@ class Axis:
     def _periods(
         self, slow: Sequence[FloatArray], of_fix: FloatArray, of_steps: FloatArray
     ) -> list[list[FloatArray]]:
-        """Errors after each sample of a period that began without any, for every period at once."""
+        """Errors after each sample of a period that begins with zero errors, for all periods."""
         n, q = len(self.before), len(self.slow)
         parts, z = [], [np.zeros(of_steps.shape[-1])] * (n - q) + [*slow]
         added = _mapped(self.noise, [*of_fix])
@@ -419,7 +419,7 @@ class Axis:
 
 def _mapped(matrix: FloatArray, values: Sequence[Any]) -> list[Any]:
     """A matrix times rows of values."""
-    # Sums of products one by one: a product of NumPy may differ in the last bit with the length.
+    # Products are summed one by one: the last bit of NumPy's product may depend on the length.
     zero = 0.0 * values[0]
     rows = matrix.tolist()
     return [
@@ -428,7 +428,7 @@ def _mapped(matrix: FloatArray, values: Sequence[Any]) -> list[Any]:
 
 
 def wander(white: FloatArray, sd: float, decay: float, start: float | None = None) -> FloatArray:
-    """A first-order Gauss-Markov sequence of white noise, stationary if it has no other start."""
+    """A first-order Gauss-Markov sequence driven by white noise; stationary without a `start`."""
     from scipy.signal import lfilter
 
     fresh = white * (sd * math.sqrt(1.0 - decay * decay))
@@ -437,7 +437,7 @@ def wander(white: FloatArray, sd: float, decay: float, start: float | None = Non
 
 
 def _recursion(factor: complex, start: complex, pushed: tuple[FloatArray, FloatArray]) -> Complexes:
-    """A mode over the periods, pushed in each of them."""
+    """A mode at the start of each period, driven by the input of the periods before."""
     from scipy.signal import lfilter
 
     real, imag = pushed

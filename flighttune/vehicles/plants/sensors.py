@@ -18,21 +18,20 @@ from flighttune.vehicles.plants.weather import WIND
 # Signals that the controller sees through sensors, in the order of every array of them.
 SENSED = "chi", "gamma", "V_a"
 
-# Names of the same signals as the controller saw them, of those that navigation errs in besides,
-# and of the wind.
+# Names of these signals as the controller sees them, of the further signals with navigation errors,
+# and of the estimated wind.
 MEASURED, NAVIGATED, WIND_MEASURED = (
     tuple(SIGNALS[name].measured for name in names)
     for names in (SENSED, ("phi", "n_z", "north", "east", "h", "V_g"), WIND)
 )
 
-# Place of the error of the load factor among those of sensors and navigation, whose first is that
-# of the airspeed too.
+# Place of the load-factor error in the errors of sensors and navigation, which share the airspeed.
 N_Z_ERROR = len(SENSED) - 1 + ERRORS.index("n_z")
 
-# Share of a sample by which rounding may put a time after it
+# Share of a sample by which rounding may put a time after its sample
 ON_SAMPLE = 1e-6
 
-# Key of the seed's child that sensors draw from, which has one child for each signal.
+# Spawn key of the sensors' noise; each signal has a stream of its own.
 _STREAM = 0x5E45
 
 
@@ -44,15 +43,15 @@ class Sensors:
     Attributes
     ----------
     bias : tuple of three floats, rad, rad, m/s
-        Measured minus true value, on the whole flight.
+        Measured minus true value, constant over the flight.
     noise_sd : tuple of three floats, rad, rad, m/s
         Standard deviation of the noise, not negative.
     late : tuple of two floats, s and m/s
-        Time from which the measured airspeed has a further error, and this error.
+        Time from which the measured airspeed has an additional error, and this error.
     time_constant : float, s
         Time constant of the noise, a first-order Gauss-Markov sequence; 0 for white noise.
     seed : int
-        The noise is a function of it alone, the same whatever else is drawn from that seed.
+        Seed of the noise, which depends on nothing else drawn from it.
 
     Raises
     ------
@@ -83,8 +82,8 @@ class Sensors:
     def errors(self, samples: int, dt: float) -> FloatArray:
         """Measured minus true value at each of the samples, `dt` s apart, shape (samples, 3).
 
-        In rad, rad and m/s: the same bits for the same seed; a longer flight begins as a shorter
-        one.
+        In rad, rad and m/s. A seed gives the same bits; the errors of a longer flight begin with
+        those of a shorter one.
         """
         errors = np.empty((samples, len(SENSED)))
         for j, (bias, sd) in enumerate(zip(self.bias, self.noise_sd, strict=True)):
@@ -109,11 +108,12 @@ class Sensors:
 
 
 class SensedPlant(WrappedPlant):
-    """A plant that also shows its signals as the controller has them.
+    """A plant that also shows its signals as the controller sees them.
 
-    `errors` are seen minus true at each of the times the plant is observed, `dt` s apart: those of
-    sensors, shape (n, 3), rad, rad and m/s, or with those of navigation, which `navigation.ERRORS`
-    follow. `h_0` (m) is the height of the start, `share` that of the wind in its estimate.
+    `errors` (seen minus true) has a row for each observation, `dt` s apart: errors of sensors,
+    shape (n, 3), in rad, rad and m/s, or course and path angle followed by `navigation.ERRORS`.
+    `h_0` (m) is the height of the start; `share` is the share of the wind at a sample in its
+    estimate.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class SensedPlant(WrappedPlant):
         )
         super().__init__(plant, further)
         height = signals.index("h") if "h" in signals else -1
-        # What `sense` takes, in compiled flights too.
+        # Arguments of `sense`, also in compiled flights.
         self.places, self.numbers = (len(signals), height, wind), (dt, h_0, share)
         self.error: Sequence[float] = ()
         self._errors, self._blank = iter(errors.tolist()), [0.0] * len(further)
@@ -136,7 +136,7 @@ class SensedPlant(WrappedPlant):
             self.n_z_followed = lambda: followed() + self.error[N_Z_ERROR]
 
     def observe(self) -> tuple[float, ...]:
-        """Return the values of `signals` now, SI and radians; each call takes one sample."""
+        """Return the values of `signals` now, SI and radians; each call uses up one sample."""
         row, self.error = [*self._observe(), *self._blank], next(self._errors)
         before = self._before
         sense(row, before or row, before is not None, self.error, self.places, self.numbers)
@@ -144,7 +144,7 @@ class SensedPlant(WrappedPlant):
         return tuple(row)
 
 
-# What follows is written so that Numba compiles it too.
+# Numba compiles the functions below too.
 
 
 def sense(
@@ -155,10 +155,10 @@ def sense(
     places: tuple[int, int, int],
     numbers: tuple[float, float, float],
 ) -> None:
-    """Write what is seen of the signals of a row behind them, `before` that of the sample before.
+    """Write the seen signals behind the true signals of a row; `before` is the previous row.
 
-    `places`: that of what is seen, of the height and of the wind, -1 without one. `numbers`: the
-    sample time (s), the height of the start (m), and the share of the wind in its estimate.
+    `places`: of the seen signals, the height and the wind, or -1. `numbers`: sample time (s),
+    height of the start (m), and share of the wind in its estimate.
     """
     (at, h, wind), (dt, h_0, share) = places, numbers
     chi, gamma, V_a = row[0], row[1], row[4]
@@ -186,10 +186,9 @@ def sense(
 def motion_seen(
     chi: float, gamma: float, V_g: float, error: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Errors of course and path angle (rad), and the level speed seen (m/s), of a velocity's error.
+    """Errors of course and path angle (rad), and the seen level speed (m/s), by a velocity error.
 
-    `error`: north, east and up, m/s. Without one the errors are zero, and the speed that of the
-    aircraft, to the bit.
+    `error`: north, east and up, m/s. A zero error gives zero errors and the true speed, to the bit.
     """
     north, east, up = error
     c, s = math.cos(chi), math.sin(chi)
