@@ -58,7 +58,8 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
 
 @pytest.mark.soak
 def test_ours_are_the_flights_that_a_campaign_has(beside):
-    alone = ft.flights("circuit_in_wind", changes=SHORT).plan()
+    standard = {"navigation": {"grade": "standard"}}
+    alone = ft.flights("circuit_in_wind", changes=SHORT | standard).plan()
     row = beside.rows[(beside.rows["gains"] == "ours") & (beside.rows["draw"] == 1)].iloc[0]
     group = next(i for i, x in enumerate(alone.groups) if x.gains == beside.plan.groups[-1].gains)
     number = len(alone.groups) + group
