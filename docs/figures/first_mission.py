@@ -1,8 +1,7 @@
 """Draw docs/first_mission.svg: python docs/figures/first_mission.py BEFORE AFTER.
 
 BEFORE and AFTER are the bands of both plans of docs/first_mission.md; that of the first is counted
-in a wider fence (`flighttune mission mission.plan --fence wider.plan`), then in its own. Both know
-their place exactly (`--navigation exact`), as the page says.
+in a wider fence (`flighttune mission mission.plan --fence wider.plan`), then in its own.
 """
 
 import sys
