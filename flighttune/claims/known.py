@@ -7,7 +7,6 @@ import numpy as np
 
 from flighttune.claims.band import Band
 from flighttune.claims.counted_flights import plan_in
-from flighttune.vehicles.plants.navigation import Grade
 
 # Most flights whose errors are drawn: 25 ms for 450 s of each.
 MAX_DRAWN = 126
@@ -21,11 +20,11 @@ class NavigationErrors(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def navigation_errors(band: Band, grade: Grade | None = None) -> NavigationErrors | None:
+def navigation_errors(band: Band) -> NavigationErrors | None:
     """Errors of navigation in the flights of a band along a route; None where they have none.
 
     The errors are those of their draws, over the time and courses of the planned route in still
-    air. `grade`: those of another grade in their place.
+    air.
     """
     flights = band.flights
     central = flights.central
@@ -43,8 +42,6 @@ def navigation_errors(band: Band, grade: Grade | None = None) -> NavigationError
     for draw in band.draws[:MAX_DRAWN].tolist():
         scenario = plan.scenario_of(draw)
         table = scenario.navigation or central.navigation
-        if grade is not None:
-            table = type(table)(grade=grade)
         errors = table.navigation(scenario.seed).errors(n, dt, V_a)
         north, east, h = errors[:, 3:6].T
         largest.append((np.abs(east * c - north * s).max(), np.abs(h).max()))

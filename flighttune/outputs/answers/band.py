@@ -123,25 +123,12 @@ def width(band: Band) -> str:
         return "No corridor is claimed."
     claimed = band.corridor()
     beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
-    parts = of_navigation(band, beside, above)
-    of_sides, of_height = (f": {part}" if part else "" for part in parts)
+    of_sides, of_height = ", ", ""
+    if (errors := navigation_errors(band)) is not None:
+        sides, height = (f"{min(x):.2g} m" for x in zip(errors, (beside, above), strict=True))
+        of_sides = f", where errors of navigation alone reach {sides}, "
+        of_height = f", where they reach {height}"
     return (
         f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path{of_sides}"
-        f"{';' if of_sides else ','} and {at_most(above, 3)} m high above and below it{of_height}."
+        f"and {at_most(above, 3)} m high above and below it{of_height}."
     )
-
-
-def of_navigation(band: Band, beside: float, above: float) -> tuple[str, str]:
-    """The parts of flying and of navigation in the sizes (m) of a corridor; empty if exact."""
-    errors, by_rtk = navigation_errors(band), navigation_errors(band, "rtk")
-    if errors is None or by_rtk is None:
-        return "", ""
-    said = []
-    for size, error, rtk in zip((beside, above), errors, by_rtk, strict=True):
-        error = min(error, size)
-        flying = size - error
-        said.append(
-            f"{flying:.2g} m of flying and {error:.2g} m of navigation ({flying + rtk:.2g} m with "
-            "RTK)"
-        )
-    return said[0], said[1]
