@@ -79,7 +79,7 @@ class Gradient(Answering):
     --------
     >>> gradient = ft.gradient("exact_law", by=["K_P"], measures=["chi.ITAE"])
     >>> [row["parameter"] for row in gradient.slopes]
-    ['K_P.chi_dot.chi', 'K_P.gamma_dot.gamma']
+    ['K_P.phi.chi', 'K_P.n_z.gamma']
     """
 
     run: Run

@@ -79,6 +79,7 @@ MADE_BY = {
 
 
 ANSWER_NO = (
+    "flighttune fly mine.toml",
     "flighttune fly turn.toml",
     "flighttune fly turn.toml --gains tuned_identified --gains turn_gains.json",
 )

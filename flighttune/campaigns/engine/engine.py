@@ -176,7 +176,8 @@ def run_campaign(
     if runs is not None:
         check_at_least(1, runs=runs)
         plan = plan.with_runs(runs)
-    with WorkerPool(fliers) as pool, locked(Path(out)):
+    # A campaign whose runs are all there needs no scheduler.
+    with WorkerPool(fliers, at_once=not Path(out).exists()) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         _count(dataset, pool)

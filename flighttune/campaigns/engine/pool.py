@@ -57,16 +57,17 @@ class Threads:
 class WorkerPool:
     """Flies runs with the workers of a campaign, for an observer that may stop it."""
 
-    # A scheduler is connected to at once, so that nothing is written where none answers; processes
+    # A scheduler is connected to `at_once`, so that nothing is written where none answers; processes
     # start with the first flight. Both stop at the end of the ``with`` block.
-    def __init__(self, fliers: Fliers) -> None:
+    def __init__(self, fliers: Fliers, *, at_once: bool = True) -> None:
+        self._at_once = at_once
         self._count, self._scheduler = fliers.workers or cores(), fliers.scheduler
         self._workers: Threads | ClusterWorkers | None = None
         self.observer = fliers.observer or CampaignObserver()
         self.progress = CampaignProgress()
 
     def __enter__(self) -> "WorkerPool":
-        if self._scheduler is not None:
+        if self._at_once and self._scheduler is not None:
             self._started()
         return self
 

@@ -49,7 +49,7 @@ def test_the_list_of_keys_gives_range_default_and_the_comment_beside_the_key():
         "| `roll_in_s` | number, >= 0, <= 1e+06 | `0.0` | "
         "time over which the rate rises, and falls: the ramp is planned |",
         "| `sensitivity_max` | number, > 1 |  | "
-        "of each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66 |",
+        "bound for each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66 |",
     ]
 
 
