@@ -57,8 +57,8 @@ class Threads:
 class WorkerPool:
     """Flies runs with the workers of a campaign, for an observer that may stop it."""
 
-    # A scheduler is connected to `at_once`, so that nothing is written where none answers; processes
-    # start with the first flight. Both stop at the end of the ``with`` block.
+    # A scheduler is connected to `at_once`, so that nothing is written where none answers, and
+    # processes start with the first flight. Both stop at the end of the ``with`` block.
     def __init__(self, fliers: Fliers, *, at_once: bool = True) -> None:
         self._at_once = at_once
         self._count, self._scheduler = fliers.workers or cores(), fliers.scheduler
