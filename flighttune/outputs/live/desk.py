@@ -220,7 +220,9 @@ class Desk:
         from flighttune.claims.mission import mission
 
         drawn = replace(self._stated, scenario=scenario, campaign=airframes(scenario))
-        odds = mission(drawn, observer=search)
+        # The corridor is that of what the page flies, which knows its place exactly by default.
+        known = scenario.navigation.grade if scenario.navigation else "exact"
+        odds = mission(drawn, navigation=known, observer=search)
         self._corridor = self._key(values), odds.band
         return " ".join(odds.answer().summary[:2]), {}
 
