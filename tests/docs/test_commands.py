@@ -98,8 +98,8 @@ FILES = {
 
 
 LONG = re.compile(
-    r"flighttune (meet (?!mine\.toml --budget)|monitor|tube|reproduce|tune paper --prove|worst first_campaign$"
-    r"|mission runs/|verify (bound|monitor)\.)"
+    r"flighttune (meet (?!mine\.toml --budget)|monitor|tube|reproduce|tune paper --prove"
+    r"|worst first_campaign$|mission runs/|verify (bound|monitor)\.)"
 )
 """Commands that take ten seconds to minutes, and which other tests run on less."""
 
