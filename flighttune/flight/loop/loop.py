@@ -3,7 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Generator, Iterable, Sequence
-from functools import cache
+from functools import cache, partial
 from itertools import chain, repeat
 from typing import Any, TypeAlias
 
@@ -31,7 +31,7 @@ from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.segments import Reference
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.vehicles.plants.navigation import ERRORS, Navigation
-from flighttune.vehicles.plants.sensors import SENSED, SensedPlant, Sensors
+from flighttune.vehicles.plants.sensors import SENSED, DrawnErrors, SensedPlant, Sensors
 from flighttune.vehicles.plants.weather import WIND
 
 # Signals that the loop adds to those of the plant. Signals that the controller records stand before
@@ -48,6 +48,9 @@ GIVEN = "gamma_given"
 AIRSPEED_SIGNALS = (GIVEN, "V_ref", "V_err")
 
 PROGRESS_EVERY = 50
+
+# Errors along a route are drawn for this multiple of its time in still air, and further if needed.
+EXPECTED = 1.3
 
 # Samples that a process flies before it loads compiled code: loading takes as long as compiled code
 # saves in so many samples. Both give the same numbers.
@@ -169,12 +172,17 @@ class Flight:
             )
         last = round(duration / dt)
         self._t = t = np.arange(last + 1, dtype=np.float64) * dt
-        self._errors = _errors(sensors, navigation, last + 1, dt, condition.V_a)
-        if len(self._errors):
+        route = reference if isinstance(reference, following.RouteReference) else None
+        self._errors = None
+        if sensors is not None or navigation is not None:
+            expected = last + 1
+            if route is not None:
+                expected = round(EXPECTED * route.path.length / (condition.V_a * dt))
+            draw = partial(_errors, sensors, navigation, dt, condition.V_a)
+            self._errors = DrawnErrors(draw, last + 1, expected)
             share = 1.0 if navigation is None else navigation.wind_share(dt)
             plant = SensedPlant(plant, self._errors, dt, condition.h, share)
         self._wrapped = getattr(controller, "wrapped", (True,))[0]
-        route = reference if isinstance(reference, following.RouteReference) else None
         airspeed = priority = plan = None
         if not isinstance(reference, FeasibleReference):
             airspeed = reference.airspeed(t)
@@ -327,17 +335,22 @@ class Flight:
         """Fly law and aircraft in compiled code; no samples if JSBSim must find the ending."""
         from flighttune.flight.loop.compiled import fly_samples
 
-        (functions, *sampled), end = self.sampled(aircraft)
+        (functions, *flown, (errors, *how_seen)), end = self.sampled(aircraft, 1)
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
         if progress is not None:  # it may end the flight, so compiled code is loaded before
-            fly_samples(*functions, *sampled, (0, 0, end), rows)
+            fly_samples(*functions, *flown, (errors, *how_seen), (0, 0, end), rows)
         while True:
             until = last
             if progress is not None:
                 progress(float(self._t[first]))
                 until = min(first + PROGRESS_EVERY, last)
-            n, how, steps = fly_samples(*functions, *sampled, (first, until, end), rows)
+            if self._errors is not None:
+                errors = self._errors.reach(first)
+                until = min(until, len(errors))
+            n, how, steps = fly_samples(
+                *functions, *flown, (errors, *how_seen), (first, until, end), rows
+            )
             if how == ARRIVED:
                 return n, self._not_arrived(rows[:n])
             if how != GOES_ON:
@@ -346,15 +359,19 @@ class Flight:
             first = until
 
     def sampled(
-        self, aircraft: CompiledAircraft
+        self, aircraft: CompiledAircraft, samples: int | None = None
     ) -> tuple[tuple[tuple[Any, Any], Motion, SampledLaw, bool, Seen], float]:
-        """The first arguments of `fly_samples` after the start, and the length of the route (m)."""
+        """The first arguments of `fly_samples` after the start, and the length of the route (m).
+
+        They have the errors of at least the first `samples`, by default of the whole flight.
+        """
         plant, controller, *_ = self._given
         (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
         fed_back = _fed_back(controller, plant) is not None
-        seen = self._errors, (0, 0, 0), (0.0, 0.0, 0.0)
-        if isinstance(plant, SensedPlant):
-            seen = self._errors, plant.places, plant.numbers
+        seen = np.empty((0, len(SENSED))), (0, 0, 0), (0.0, 0.0, 0.0)
+        if self._errors is not None and isinstance(plant, SensedPlant):
+            errors = self._errors.reach((samples or len(self._t)) - 1)
+            seen = errors, plant.places, plant.numbers
         return (functions, motion, law, fed_back, seen), end
 
     @property
@@ -450,11 +467,9 @@ class Flight:
 
 
 def _errors(
-    sensors: Sensors | None, navigation: Navigation | None, n: int, dt: float, V_a: float
+    sensors: Sensors | None, navigation: Navigation | None, dt: float, V_a: float, n: int
 ) -> FloatArray:
-    """Errors of sensors and navigation at each sample, for `SensedPlant`."""
-    if sensors is None and navigation is None:
-        return np.empty((0, len(SENSED)))
+    """Errors of sensors and navigation at the first n samples, for `SensedPlant`."""
     errors = np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
     if navigation is None:
         return errors

@@ -1,7 +1,7 @@
 """Imperfect sensors: the controller sees signals with an error."""
 
 import math
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,20 +107,44 @@ class Sensors:
         return np.concatenate(([begun], later))
 
 
+class DrawnErrors:
+    """Errors (seen minus true) at the samples of a flight, drawn as far as the flight needs them.
+
+    `draw` returns the rows of that many first samples; a longer draw begins with a shorter one. A
+    flight along a route may last long after the time in which it is expected to arrive, so the
+    first draw has `expected` samples of at most `samples`.
+    """
+
+    def __init__(self, draw: Callable[[int], FloatArray], samples: int, expected: int) -> None:
+        self._draw, self._samples = draw, samples
+        self.values = draw(min(samples, max(expected, 1)))
+
+    def reach(self, sample: int) -> FloatArray:
+        """All rows drawn so far, among them the row of a sample of the flight."""
+        if sample >= len(self.values):
+            self.values = self._draw(min(max(2 * len(self.values), sample + 1), self._samples))
+        return self.values
+
+    def __iter__(self) -> Iterator[list[float]]:
+        at = 0
+        while at < self._samples:
+            yield from self.reach(at)[at:].tolist()
+            at = len(self.values)
+
+
 class SensedPlant(WrappedPlant):
     """A plant that also shows its signals as the controller sees them.
 
-    `errors` (seen minus true) has a row for each observation, `dt` s apart: errors of sensors,
-    shape (n, 3), in rad, rad and m/s, or course and path angle followed by `navigation.ERRORS`.
-    `h_0` (m) is the height of the start; `share` is the share of the wind at a sample in its
-    estimate.
+    `errors` has a row for each observation, `dt` s apart: errors of sensors, 3 of them, in rad, rad
+    and m/s, or course and path angle followed by `navigation.ERRORS`. `h_0` (m) is the height of
+    the start; `share` is the share of the wind at a sample in its estimate.
     """
 
     def __init__(
-        self, plant: Plant, errors: FloatArray, dt: float, h_0: float, share: float = 1.0
+        self, plant: Plant, errors: DrawnErrors, dt: float, h_0: float, share: float = 1.0
     ) -> None:
         signals = plant.signals
-        self.navigated = errors.shape[1] > len(SENSED)
+        self.navigated = errors.values.shape[1] > len(SENSED)
         wind = signals.index(WIND[0]) if WIND[0] in signals else -1
         further = (
             (*MEASURED, *NAVIGATED, *WIND_MEASURED * (wind >= 0)) if self.navigated else MEASURED
@@ -130,7 +154,7 @@ class SensedPlant(WrappedPlant):
         # Arguments of `sense`, also in compiled flights.
         self.places, self.numbers = (len(signals), height, wind), (dt, h_0, share)
         self.error: Sequence[float] = ()
-        self._errors, self._blank = iter(errors.tolist()), [0.0] * len(further)
+        self._errors, self._blank = iter(errors), [0.0] * len(further)
         self._before: list[float] | None = None
         if self.navigated and (followed := self.n_z_followed) is not None:
             self.n_z_followed = lambda: followed() + self.error[N_Z_ERROR]

@@ -198,6 +198,29 @@ def test_a_compiled_route_is_that_of_jsbsim(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("from_sample", [0, math.inf])
+def test_errors_are_drawn_as_far_as_a_route_is_flown(monkeypatch, from_sample):
+    """A flight that may last 10,000 s draws those of its 63 s; a slow one draws on, to the bit."""
+    monkeypatch.setattr(loop, "COMPILED_FROM", from_sample)
+    drawn, errors = [], ft.loop.Navigation.errors
+
+    def counted(of, samples, *others):
+        drawn.append(samples)
+        return errors(of, samples, *others)
+
+    monkeypatch.setattr(ft.loop.Navigation, "errors", counted)
+    lasts = {"flight": ft.load_scenario("circuit").as_dict()["flight"] | {"duration_s": 10_000.0}}
+    long = flown({"grade": "standard"}, **lasts)
+    (once,) = drawn
+    monkeypatch.setattr(loop, "EXPECTED", 0.1)
+    again = flown({"grade": "standard"}, **lasts)
+
+    assert len(long.signals) < once < 1.5 * len(long.signals)
+    assert len(drawn) > 3
+    pd.testing.assert_frame_equal(long.signals, again.signals, check_exact=True)
+
+
+@pytest.mark.slow
 def test_places_are_true_and_what_the_guidance_saw_stands_beside():
     """The distance from the track of an exact flight, which is within 0.04 m of its route."""
     track = flown().signals[["north", "east", "down"]].to_numpy()
