@@ -1,4 +1,4 @@
-"""The part of a corridor that is the navigation of its flights, not their flying."""
+"""How far the errors of navigation alone reach in the flights of a corridor."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -8,12 +8,12 @@ import numpy as np
 from flighttune.claims.band import Band
 from flighttune.claims.counted_flights import plan_in
 
-# Most flights whose errors are drawn: 25 ms for 450 s of each.
+# Maximum number of flights whose errors are drawn: each takes 25 ms for 450 s.
 MAX_DRAWN = 126
 
 
 class NavigationErrors(NamedTuple):
-    """Largest errors of position that as many flights keep as keep a corridor, m."""
+    """Position errors (m) within which as many flights stay as within the corridor."""
 
     beside: float  # across the path
     above: float  # in height
@@ -21,9 +21,9 @@ class NavigationErrors(NamedTuple):
 
 @lru_cache(maxsize=8)
 def navigation_errors(band: Band) -> NavigationErrors | None:
-    """Errors of navigation in the flights of a band along a route; None where they have none.
+    """Errors of navigation in the flights of a band along a route; None if navigation is exact.
 
-    The errors are those of their draws, over the time and courses of the planned route in still
+    The errors are drawn as for the flights, over the time and courses of the planned route in still
     air.
     """
     flights = band.flights

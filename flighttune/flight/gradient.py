@@ -46,9 +46,9 @@ ON_SAMPLES = re.compile(r"(?<!rad)(?<!per)(?<!lag)(?<!time)(?<!constant)(?<!look
 # Default measures where a scenario has no requirement.
 BY_DEFAULT = ("chi.MO_deg", "gamma.MO_deg", "chi.ITAE", "gamma.ITAE")
 
-# Relative half-width of the differences of start and law by a parameter: for gains, in which laws
-# are nearly linear, and for other numbers, whose trims are accurate to 1e-9.
-WIDTH_OF_GAINS, WIDTH = 1e-4, 1e-4
+# Relative half-width of the differences of start and law by a parameter. Laws are nearly linear in
+# gains, and trims are accurate to 1e-9.
+WIDTH = 1e-4
 
 # Largest change of a signal when a measure is differentiated, rad, m or m/s; relative difference
 # of the slopes on both sides above which the measure has a kink.
@@ -286,7 +286,7 @@ def _with_slopes(entry: Entry, parameters: Mapping[str, float]) -> SlopedFlight:
     """The flight of an entry with its slopes with respect to the parameters."""
     sides = {}
     for name, value in parameters.items():
-        half = (WIDTH_OF_GAINS if name.startswith(GAINS) else WIDTH) * (abs(value) or 1.0)
+        half = WIDTH * (abs(value) or 1.0)
         low, high = (_sampled(_with(entry, name, value + by)) for by in (-half, half))
         sides[name] = low, high, 2.0 * half
     flight = fly_with_slopes(_sampled(entry), sides)

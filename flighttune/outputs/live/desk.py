@@ -15,6 +15,7 @@ from flighttune.base.errors import FlightTuneError, InputError, StoppedError
 from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import together, write_text
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import plan_campaign
 from flighttune.campaigns.planning.source import Flights, airframes
 from flighttune.claims.band import Band
@@ -198,7 +199,10 @@ class Desk:
 
         (entry,), law = scenario.gains, scenario.laws[0]
         gains = None if isinstance(entry, str) else entry.gains(law.kind)
-        meeting = meet(scenario, start=gains, budget=self._budget, observer=search)
+        known = _navigation(scenario)
+        meeting = meet(
+            scenario, start=gains, budget=self._budget, navigation=known, observer=search
+        )
         answer = meeting.answer()
         return f"{answer.verdict or answer.failure}", gain_values(meeting.gains)
 
@@ -220,9 +224,7 @@ class Desk:
         from flighttune.claims.mission import mission
 
         drawn = replace(self._stated, scenario=scenario, campaign=airframes(scenario))
-        # The corridor is that of what the page flies, which knows its place exactly by default.
-        known = scenario.navigation.grade if scenario.navigation else "exact"
-        odds = mission(drawn, navigation=known, observer=search)
+        odds = mission(drawn, navigation=_navigation(scenario), observer=search)
         self._corridor = self._key(values), odds.band
         return " ".join(odds.answer().summary[:2]), {}
 
@@ -247,6 +249,11 @@ class Desk:
             if not isinstance(entry, str):
                 entry.gains(scenario.laws[0].kind).save(folder / "gains.json")
         return {"said": "saved", "command": f"flighttune fly {shlex.quote(str(file))}"}
+
+
+def _navigation(scenario: Scenario) -> Knowledge:
+    """What the page flies: searches and counts would take a standard receiver on routes."""
+    return scenario.navigation.grade if scenario.navigation else "exact"
 
 
 def _fence_of(flights: Flights) -> Fence | None:
