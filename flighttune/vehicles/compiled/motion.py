@@ -20,10 +20,13 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 # Doubles tried on each side of a guess. Quaternion: for the largest component, and at most for
 # smaller components, whose doubles lie closer. Then for an acceleration.
-_NEAR, _TRIED = ((2, 2), (4, 4), (2, 64), (2, 256)), 64
+_NEAR, _TRIED = ((2, 8), (4, 4), (2, 64), (2, 256)), 64
 
-# Most quaternions tried at once (100 MB), and most steps until one is left.
-_MOST, STEPS = 1_000_000, 200
+# Most quaternions tried at once (100 MB), most steps until one is left, and steps that it must give:
+# a neighbour of the true one that differs in a small component alone may give a dozen.
+_MOST, STEPS, _CONFIRMED = 1_000_000, 200, 100
+
+_UNKNOWN = "the attitude at this start"
 
 
 def neighbours(x: float, count: int) -> list[float]:
@@ -73,7 +76,7 @@ def quaternion_from(
         few = math.prod(2 * n + 1 for n in counts) <= _MOST
         if few and (found := _nearest(guess, counts, motions, dt, more)) is not None:
             return found
-    raise Unsupported("the attitude at this start")
+    raise Unsupported(_UNKNOWN)
 
 
 def _nearest(
@@ -83,12 +86,20 @@ def _nearest(
     dt: float,
     more: Callable[[], Motion],
 ) -> list[float] | None:
-    """The exact quaternion within `counts` doubles on each side of a guess, or None."""
+    """The exact quaternion within `counts` doubles on each side of a guess, or None.
+
+    Raises
+    ------
+    Unsupported
+        If several give all rotations. They become one later, but the rounding of other properties
+        tells them apart in a sample before.
+    """
     # All combinations of near doubles, a column each; NumPy computes the same bits as JSBSim.
     near = np.meshgrid(*map(neighbours, guess, counts), indexing="ij")
     starts = now = np.array([values.ravel() for values in near])
     for k in range(STEPS):
         if starts.shape[1] == 1:  # numbers take a tenth of the time of arrays of length 1
+            motions += [more() for _ in range(_CONFIRMED - len(motions))]
             return starts[:, 0].tolist() if _gives(now[:, 0].tolist(), motions[k:], dt) else None
         if k == len(motions):
             motions.append(more())
@@ -101,7 +112,7 @@ def _nearest(
             return None
         moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
         now = _normalized(moved)
-    return starts[:, 0].tolist()
+    raise Unsupported(_UNKNOWN)
 
 
 def _gives(q: Sequence[float], motions: Sequence[Motion], dt: float) -> bool:

@@ -15,7 +15,7 @@ from flighttune.control.controller import FlightCondition
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.vehicles.compiled.atmosphere import atmosphere, pressures
 from flighttune.vehicles.compiled.face import CompiledStep, compiled
-from flighttune.vehicles.compiled.properties import Properties
+from flighttune.vehicles.compiled.properties import Properties, Unsupported
 from flighttune.vehicles.compiled.trace import Graph
 from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
 
@@ -87,6 +87,22 @@ def test_so_is_one_whose_hidden_attitude_lies_far_from_what_is_shown():
     condition = FlightCondition(V_a=27.0, h=800.0, chi=math.radians(170.0), gamma=0.03, phi=-0.2)
 
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
+
+
+@pytest.mark.parametrize(
+    ("h", "chi", "gamma", "phi"),
+    [(729.645, -2.899430, -0.038077, -0.232003), (807.855, -0.101528, 0.052358, -0.112261)],
+)
+def test_a_start_whose_attitude_stays_ambiguous_is_refused(h, chi, gamma, phi):
+    # Neighbours in a component a thousandth of the others give the same rotations for good.
+    condition = FlightCondition(V_a=27.0, h=h, chi=chi, gamma=gamma, phi=phi)
+
+    try:
+        flown = flown_by_both("aerosonde", 1.0, condition=condition)
+    except Unsupported as refusal:
+        assert "attitude" in str(refusal)
+    else:
+        assert differing(flown) == []
 
 
 @pytest.mark.slow
