@@ -13,7 +13,7 @@ from flighttune.outputs.drawing.chart import Chart, Sheet
 from flighttune.outputs.pages.counted import mission_charts
 
 FILE = Path(__file__).parents[1] / "first_mission.svg"
-TITLES = "As drawn: the circle leaves the fence", "With the circle 151 m further west"
+TITLES = "No: the plan as drawn leaves its fence", "Yes: with the circle moved 151 m west"
 
 
 def fenced_map(file: str, title: str) -> Chart:

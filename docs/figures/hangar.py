@@ -186,7 +186,7 @@ every command: {", ".join(f"{len(of[status])} {status}" for status in STATUSES)}
 `python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
         version("jsbsim")
     }:
-turns and circuits are flown by the exact law with `tuned_fed_back`.
+turns and circuits are flown by the default law.
 
 ## Adopted
 
@@ -216,9 +216,6 @@ JSBSim takes the thrust of `C130`'s turbines for the power of their propellers, 
 ## The turns
 
 ![Course and path angle (deg) of each turn over 40 s, with their references](hangar.svg)
-
-NASA's check cases 11 and 13 are not compared: their F-16 is not JSBSim's `f16`, and simupy-flight
-is not on PyPI.
 """
 
 

@@ -45,6 +45,14 @@ LABELS = {
 }
 
 
+def channel_names(names: tuple[str, ...], count: int, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """`names`, or without any `usual` if there are as many channels, else a letter and numbers."""
+    if names or count == len(usual):
+        return names or usual
+    letter = "e" if usual == ERRORS else "u"
+    return tuple(f"{letter}{i + 1}" for i in range(count))
+
+
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PIGains:
@@ -59,7 +67,8 @@ class PIGains:
     K_I : ndarray, shape (m, p), input unit per error unit and second
         Integral gain.
     inputs, errors : tuple of str, lengths m and p
-        Channel names, in row and column order.
+        Channel names, in row and column order. By default ``phi, n_z`` and ``chi, gamma`` of two
+        channels, else ``u1, u2, ...`` and ``e1, e2, ...``.
     feedback : tuple of two float, 1
         For the exact law alone: gains k on the difference between u and measured roll and load
         factor, from 0 to below 1. The commands are ``u + k (u - measured)``.
@@ -72,11 +81,14 @@ class PIGains:
 
     K_P: FloatArray
     K_I: FloatArray
-    inputs: tuple[str, ...] = COMMANDS
-    errors: tuple[str, ...] = ERRORS
+    inputs: tuple[str, ...] = ()
+    errors: tuple[str, ...] = ()
     feedback: tuple[float, float] = NO_FEEDBACK
 
     def __post_init__(self) -> None:
+        m, p = read_only_matrix("K_P", self.K_P).shape
+        for name, count, usual in (("inputs", m, COMMANDS), ("errors", p, ERRORS)):
+            object.__setattr__(self, name, channel_names(getattr(self, name), count, usual))
         shape = len(self.inputs), len(self.errors)
         set_read_only(self, K_P=shape, K_I=shape)
         object.__setattr__(self, "feedback", tuple(map(float, self.feedback)))

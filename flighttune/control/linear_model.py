@@ -18,10 +18,23 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.arguments import checked_class
-from flighttune.base.arrays import FloatArray, check_positive, check_upright, set_read_only
+from flighttune.base.arrays import (
+    FloatArray,
+    check_positive,
+    check_upright,
+    read_only_matrix,
+    set_read_only,
+)
 from flighttune.base.errors import InputError, ShapeError
 from flighttune.base.units import DEG
-from flighttune.control.gains import COMMANDS, ERRORS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
+from flighttune.control.gains import (
+    COMMANDS,
+    ERRORS,
+    ERRORS_WITH_AIRSPEED,
+    WITH_AIRSPEED,
+    PIGains,
+    channel_names,
+)
 
 # States, inputs and errors of the chi/gamma law.
 LAW_NAMES = ERRORS, COMMANDS, ERRORS
@@ -37,13 +50,13 @@ class LinearModel:
     A, B, C : ndarray, shapes (n, n), (n, m), (p, n)
         Units follow from the states, inputs and errors (SI, rad) and seconds.
     states, inputs, errors : tuple of str, lengths n, m, p
-        Names in order; an error is reference minus actual.
+        Names in order; an error is reference minus actual. By default states are ``x1, x2, ...``,
+        inputs and errors those of `PIGains`.
 
     Examples
     --------
-    >>> names = {"states": ("v",), "inputs": ("u",), "errors": ("e",)}
-    >>> model = ft.loop.LinearModel(A=[[0.0]], B=[[1.0]], C=[[-1.0]], **names)
-    >>> gains = ft.PIGains(K_P=[[2.0]], K_I=[[1.0]], inputs=("u",), errors=("e",))
+    >>> model = ft.loop.LinearModel(A=[[0.0]], B=[[1.0]], C=[[-1.0]])
+    >>> gains = ft.PIGains(K_P=[[2.0]], K_I=[[1.0]])
     >>> ft.loop.closed_loop(model, gains).tolist()
     [[-2.0, 1.0], [-1.0, 0.0]]
     """
@@ -51,12 +64,18 @@ class LinearModel:
     A: FloatArray
     B: FloatArray
     C: FloatArray
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    errors: tuple[str, ...]
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    errors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        n, m, p = len(self.states), len(self.inputs), len(self.errors)
+        (n, m), p = read_only_matrix("B", self.B).shape, len(read_only_matrix("C", self.C))
+        states = self.states or tuple(f"x{i + 1}" for i in range(n))
+        inputs = channel_names(self.inputs, m, COMMANDS)
+        errors = channel_names(self.errors, p, ERRORS)
+        for name, names in (("states", states), ("inputs", inputs), ("errors", errors)):
+            object.__setattr__(self, name, names)
+        n, m, p = self.shape
         set_read_only(self, A=(n, n), B=(n, m), C=(p, n))
 
     @property
