@@ -22,9 +22,13 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 # smaller components, whose doubles lie closer. Then for an acceleration.
 _NEAR, _TRIED = ((2, 8), (4, 4), (2, 64), (2, 256)), 64
 
-# Most quaternions tried at once (100 MB), most steps until one is left, and steps that it must give:
-# a neighbour of the true one that differs in a small component alone may give a dozen.
+# Most quaternions tried at once (100 MB), most steps until one is left, and steps that it must
+# give: a neighbour of the true one that differs in a small component alone may give a dozen.
 _MOST, STEPS, _CONFIRMED = 1_000_000, 200, 100
+
+# A component this much smaller than the largest, as of a level start to the north, is zero but for
+# rounding: its last bits are lost in every sum.
+_NOTHING = 2.0**-20
 
 _UNKNOWN = "the attitude at this start"
 
@@ -91,8 +95,8 @@ def _nearest(
     Raises
     ------
     Unsupported
-        If several give all rotations. They become one later, but the rounding of other properties
-        tells them apart in a sample before.
+        If several that differ in more than zeros give all rotations. They become one later, but the
+        rounding of other properties tells them apart in a sample before.
     """
     # All combinations of near doubles, a column each; NumPy computes the same bits as JSBSim.
     near = np.meshgrid(*map(neighbours, guess, counts), indexing="ij")
@@ -112,7 +116,10 @@ def _nearest(
             return None
         moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
         now = _normalized(moved)
-    raise Unsupported(_UNKNOWN)
+    differ = np.ptp(starts, axis=1) > 0.0
+    if np.any(np.abs(starts[differ, 0]) > _NOTHING * np.max(np.abs(starts[:, 0]))):
+        raise Unsupported(_UNKNOWN)
+    return starts[:, 0].tolist()
 
 
 def _gives(q: Sequence[float], motions: Sequence[Motion], dt: float) -> bool:
