@@ -22,6 +22,12 @@ PLACE = ("lat_deg", "lon_deg", "up_m")
 # How an item is treated.
 Fate: TypeAlias = Literal["flown", "harmless", "no place", "refused", "not flown"]
 
+# Numbers of items by fate and name.
+_Numbers: TypeAlias = dict[Fate, dict[str, set[int]]]
+
+# A change of speed: its first row, its airspeed if any, and number, name and fate of the item.
+_Change: TypeAlias = tuple[int, float | None, int, str, Fate]
+
 # MAVLink commands that this module names.
 WAYPOINT, UNLIMITED, TURNS, TIMED, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 TO_HEIGHT, VTOL_TAKEOFF, VTOL_LAND, JUMP, SPEED, SET_HOME = 31, 84, 85, 177, 178, 179
@@ -114,11 +120,9 @@ def read_items(
     lost, stated, home = not _knows_home(flat, home), home, home or NO_HOME
     rows: list[Row] = []
     rally: list[Row] = []
-    numbers: dict[Fate, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
+    numbers: _Numbers = defaultdict(lambda: defaultdict(set))
     notes: dict[str, dict[str, set[int]]] = {}  # sentences, and the items that replace {}
-    # changes of speed: first row at this speed, airspeed if any, and number, name and fate of the
-    # item
-    changes: list[tuple[int, float | None, int, str, Fate]] = []
+    changes: list[_Change] = []
     end, passed = max(flat, default=0), set[int]()
     for number, item in _in_order(flat, skip):
         passed.add(number)
@@ -146,7 +150,20 @@ def read_items(
         if number not in passed:
             why = f"after the end of item {end}" if number > end else "which a jump leaves out"
             numbers["not flown"][f"{_name(item)}, {why}"].add(number)
-    last = max(1, len(rows) - 1)  # no flight goes on from there
+    speeds = _speeds(changes, len(rows), numbers)
+    fates = _fates(numbers, skip) if rows else _fates(numbers, skip)[1:]
+    if lost and rows:
+        fates.append(_without_home(flat, stated, str(rows[0]["name"])))
+    flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
+    flight |= {"V_a_mps": speeds[0][0]} if 0 in speeds else {}
+    others = (text.replace("{}", listed_items(about)) for text, about in notes.items())
+    said = [*fates, *others, *_airspeeds(rows, speeds)]
+    return RouteFile({"waypoint": rows, "widen": True, "rally": rally, "notes": said}, flight)
+
+
+def _speeds(changes: list[_Change], rows: int, numbers: _Numbers) -> dict[int, tuple[float, int]]:
+    """Airspeed and item of the changes that are flown, by row; the fate of all joins `numbers`."""
+    last = max(1, rows - 1)  # no flight goes on from there
     speeds = {
         i: (V, number)
         for i, V, number, _, fate in changes
@@ -156,14 +173,7 @@ def read_items(
     for *_, number, name, fate in changes:
         unused = fate == "flown" and number not in flown
         numbers["not flown" if unused else fate][name].add(number)
-    fates = _fates(numbers, skip) if rows else _fates(numbers, skip)[1:]
-    if lost and rows:
-        fates.append(_without_home(flat, stated, str(rows[0]["name"])))
-    flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
-    flight |= {"V_a_mps": speeds[0][0]} if 0 in speeds else {}
-    others = (text.replace("{}", listed_items(about)) for text, about in notes.items())
-    said = [*fates, *others, *_airspeeds(rows, speeds)]
-    return RouteFile({"waypoint": rows, "widen": True, "rally": rally, "notes": said}, flight)
+    return speeds
 
 
 def _without_home(

@@ -1086,12 +1086,7 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         effects = np.array([effect - neutral for effect, _ in answers])
         if not np.isfinite(effects).all():
             raise Refusal(f"the effect of its {name} on {rate} is not finite")
-        slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
-        first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
-        more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
-        last = len(more) if more.all() else int(np.argmin(more))
-        if not last and effects[-1]:  # a filter may swallow the first steps
-            last = len(more) - int(np.argmax((slopes / effects[-1] > CLIPPED)[::-1]))
+        last = _last_usable(effects)
         usable = float(COMMANDS[last - 1]) if last else 0.0
         reach = [
             max((abs(p - was) for p, was in zip(deflected, neutral_read, strict=True)), default=0)
@@ -1128,6 +1123,17 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         "travel_deg": [round(math.degrees(stop), 2) for stop in stops],
         "full_rad": [round(low, 5), round(high, 5)],
     }
+
+
+def _last_usable(effects: FloatArray) -> int:
+    """Number of `COMMANDS` until the effect stops growing with the command; 0 without an effect."""
+    slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
+    first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
+    more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
+    last = len(more) if more.all() else int(np.argmin(more))
+    if not last and effects[-1]:  # a filter may swallow the first steps
+        last = len(more) - int(np.argmax((slopes / effects[-1] > CLIPPED)[::-1]))
+    return last
 
 
 def _drift(bench: Bench, level: AirframeState, name: str, full_effect: float) -> str:
