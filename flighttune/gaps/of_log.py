@@ -21,6 +21,7 @@ from flighttune.base.files.load import A_LOG, LOG, load_one
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.flight.apart import Progress
 from flighttune.flight.loop.run import Run
+from flighttune.gaps.tracking import Tracking, tracking
 from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.identify import EXCITED, HELD_S, flying, interval_of, speed_of
 from flighttune.logs.log import Columns
@@ -130,6 +131,9 @@ class LogGap(Drawn):
     # without it; squares are summed over all signals, scaled by `SCALES`
     causes: Mapping[str, tuple[float, float]]
     explained: float  # share that all factors explain together
+    # Errors of track where the log is straight, beside flights of the aircraft; empty for a model
+    # or a log without a track
+    tracking: tuple[Tracking, ...]
     notes: tuple[str, ...]  # sentences on factors that the log cannot identify, and why
 
 
@@ -162,6 +166,7 @@ def log_gap(
         factors=factors,
         causes=causes,
         explained=1.0 - flights.size(flown[f"{flights.label}, explained"]) / whole,
+        tracking=flights.tracking(aircraft),
         notes=tuple(flights.notes),
     )
 
@@ -174,9 +179,9 @@ class _Flights:
         self._progress = progress
         self._in_air: dict[tuple[object, ...], Signals] = {}
         self._places: list[dict[str, float]] = []
-        file = Path(aircraft).suffix == ".json"
-        self.label = Path(aircraft).stem if file else Path(aircraft).name
-        config = None if file else load_aircraft(aircraft)
+        self._run, self._file = run, Path(aircraft).suffix == ".json"
+        self.label = Path(aircraft).stem if self._file else Path(aircraft).name
+        config = None if self._file else load_aircraft(aircraft)
         rate = 1.0 / HELD_S if config is None else float(config.inner_loop_rate)
         self.t, self.logged = _stretches(run, max(1, round(HELD_S * rate)) / rate)
         lags = None
@@ -213,6 +218,17 @@ class _Flights:
         if why:
             self._leave("wind_north", "wind_east", why=why)
         self._keep_flyable()
+
+    def tracking(self, aircraft: str | Path) -> tuple[Tracking, ...]:
+        """Errors of track of the log beside flights of the aircraft at its airspeed and height."""
+        if self._file:
+            return ()
+        V_a, h = (float(np.median(self.logged[name])) for name in ("V_a", "h"))
+        try:
+            return tracking(self._run, str(aircraft), V_a, h)
+        except FlightTuneError as error:
+            self.notes.append(f"No straight flights to compare the log's track with: {error}")
+            return ()
 
     def drop_unidentifiable(self, name: str, why: str) -> None:
         """Drop a factor from the fit, which the log cannot identify: it keeps its nominal value."""

@@ -156,7 +156,9 @@ def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> 
 
 def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
     """Quantiles at `SHARE` of the signals of `LOGGED`; NaN for a missing signal."""
-    kept = run.signals.reindex(columns=[*LOGGED]).abs().quantile(SHARE)
+    # A log has the errors that its autopilot saw, and so has a flight with navigation errors.
+    seen = [f"{name}_seen" if f"{name}_seen" in run.signals else name for name in LOGGED]
+    kept = run.signals.reindex(columns=seen).abs().quantile(SHARE)
     return [value * factor for value, (*_, factor) in zip(kept, LOGGED.values(), strict=True)]
 
 

@@ -25,7 +25,13 @@ from flighttune.outputs.drawing.palette import HUES, INK, NEUTRAL, PLANTS
 RUNG_COLUMNS = columns_by("flown chi gamma phi n_z tail nose", of="rungs_of_log")
 CAUSE_COLUMNS = columns_by("cause alone_percent without_percent")
 FACTOR_COLUMNS = columns_by("title value unit", of="factors_of_log")
+TRACK_COLUMNS = columns_by("of log_m grade low_m high_m true_m", of="tracks_of_log")
 PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
+
+TRACK_NOTE = (
+    "Errors of track are those of straight parts, as the log's autopilot saw them. {} flew in "
+    "light turbulence by its own gains; `flighttune compare --with` flies those of an autopilot."
+)
 
 
 def answer(gap: LogGap) -> Answer:
@@ -40,11 +46,12 @@ def answer(gap: LogGap) -> Answer:
         for name, signals in gap.flights.items()
         if (count := int(np.isnan(signals["chi"]).any(axis=1).sum()))
     ]
+    seen = [TRACK_NOTE.format(gap.aircraft)] * bool(gap.tracking)
     no_nose = ["Nose is pitch minus path angle, which a point mass does not have."]
     return Answer(
         values={"explained_percent": 100.0 * gap.explained},
         tables=tables(gap, apart),
-        notes=[*gap.notes, *no_nose * ("nose" in apart[gap.aircraft]), *ended],
+        notes=[*gap.notes, *no_nose * ("nose" in apart[gap.aircraft]), *seen, *ended],
         verdict=(
             f"Of the difference between {gap.log} and {gap.aircraft}, {causes}; the course "
             f"parts most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
@@ -71,11 +78,14 @@ def tables(gap: LogGap, apart: Mapping[str, Mapping[str, FloatArray]]) -> list[T
         {"from_s": float(start), **{k: rms(v[i]) for k, v in apart[gap.aircraft].items()}}
         for i, start in enumerate(gap.t[:, 0] + WAIT_S)
     ]
+    tracks = [row._asdict() for row in gap.tracking]
+    exceeded = "errors of track that are exceeded 5 % of the time"
     title = f"{gap.log}: rms difference in {len(parts)} stretches of {STRETCH_S:g} s"
     return [
         Table(RUNG_COLUMNS, rungs, title, name="differences"),
         Table(CAUSE_COLUMNS, causes, f"difference from {gap.aircraft}", name="causes"),
         Table(FACTOR_COLUMNS, factors, "explained best by", name="factors"),
+        Table(TRACK_COLUMNS, tracks, exceeded, name="tracks"),
         Table(PART_COLUMNS, parts, f"where {gap.aircraft} and the log part", name="parts"),
     ]
 

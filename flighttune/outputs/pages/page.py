@@ -8,7 +8,8 @@ from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
-from flighttune.base.words import pick
+from flighttune.base.words import listed, pick
+from flighttune.claims.band import Band
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
@@ -20,9 +21,11 @@ from flighttune.flight.scenario.load import gains_notes, scenario_of
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps import compare
 from flighttune.gaps.gap import Gap, explain_flight
+from flighttune.gaps.tracking import tracked
 from flighttune.gaps.watch import score_so_far
 from flighttune.outputs.answers.advice import advice
 from flighttune.outputs.answers.answer import Answer, Table, facts_table
+from flighttune.outputs.answers.band import width
 from flighttune.outputs.answers.compare import comparison_table, pairs_table
 from flighttune.outputs.answers.gap import causes, step_table
 from flighttune.outputs.answers.run import (
@@ -56,9 +59,15 @@ PRINTED = ("convergence", "certificates", "aircraft")
 
 
 def write_log_page(
-    source: compare.Source, path: Path, monitors: Sequence[Monitor | LogMonitor] = ()
+    source: compare.Source,
+    path: Path,
+    monitors: Sequence[Monitor | LogMonitor] = (),
+    corridors: Sequence[Band] = (),
 ) -> Report:
-    """Write one self-contained page about the log of a real flight, with its parent folders."""
+    """Write one self-contained page about the log of a real flight, with its parent folders.
+
+    The errors of its track stand beside the corridors.
+    """
     (run,), styles = source.runs, run_styles(source.runs)
     log = run.provenance.log or {}
     stated = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
@@ -82,7 +91,7 @@ def write_log_page(
         chart.level(1.0, LIMIT)
         scores.append(chart)
         summary += [*([] if no_claim else [sentence]), f"The monitor: {monitor.sentence}."]
-    summary = [*unclaimed, *summary]
+    summary = [*unclaimed, *summary, *_tracked(run, corridors)]
     watched = Section(id="monitor", title="Monitor", charts=scores, legend=False)
     sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
     page = write_answer(
@@ -104,6 +113,18 @@ def write_log_page(
     shown = Answer(values=values, notes=notes, failure=failure or next(iter(unclaimed), ""))
     status = 1 if failure or not unclaimed else COULD_NOT_SAY
     return replace(page, shown=replace(shown, status=status))
+
+
+def _tracked(run: Run, corridors: Sequence[Band]) -> list[str]:
+    """Sentences on the errors of track where a log is straight, and on each corridor."""
+    if not (sizes := tracked(run)):
+        return ["The log has no track on a straight part of its flight."] * bool(corridors)
+    said = listed([f"its {word} within {size:.2g} m" for word, size in sizes.items()])
+    return [
+        f"Where the flight is straight, the autopilot sees {said} for 95 % of the time. The true "
+        "error is at most as much as that and the error of navigation together.",
+        *(width(band) for band in corridors),
+    ]
 
 
 def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:

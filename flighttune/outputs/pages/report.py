@@ -9,7 +9,8 @@ from flighttune.base.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one,
 from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.statistics.findings import load_findings
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, Method
-from flighttune.claims.monitor import Watching
+from flighttune.claims.band import Band
+from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.claims.verify import within
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.compare import Source, load_source
@@ -44,7 +45,8 @@ def report(
         HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
         Parent folders are made.
     claims : sequence of str or Path
-        Files of tubes and bands to draw around runs; for a log, monitors, which report alarms.
+        Files of tubes and bands to draw around runs; for a log, monitors, which report alarms, and
+        bands of routes, whose widths stand beside the errors of the log's track.
     changes : mapping of str to value, optional
         Values to set by dotted key in a scenario that is flown.
     columns : mapping or sequence
@@ -95,11 +97,15 @@ def report(
         flown = load_source(source, changes=changes or {}, columns=columns)
     page = Path(path or "report.html")
     if any(run.provenance.log for run in flown.runs):
-        monitors = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
-        for file, monitor in zip(claims, monitors, strict=True):
-            if not isinstance(monitor, Watching):
-                raise InputError(f"{file}: must be a monitor: a log is of no scenario.")
-        return write_log_page(flown, page, monitors)
+        around = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
+        corridors = [x for x in around if isinstance(x, Band) and x.flights.over == "along"]
+        monitors = [x for x in around if isinstance(x, Monitor | LogMonitor)]
+        for file, of_log in zip(claims, around, strict=True):
+            if not any(of_log is x for x in (*corridors, *monitors)):
+                raise InputError(
+                    f"{file}: must be a monitor or the band of a route: a log is of no scenario."
+                )
+        return write_log_page(flown, page, monitors, corridors)
     if columns:
         raise InputError(f"{flown.name}: `--column` must be absent for what is no log.")
     return write_report(within(flown, claims), page)

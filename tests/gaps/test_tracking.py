@@ -1,0 +1,73 @@
+"""Errors of track of a log beside those of straight flights with errors of navigation."""
+
+import math
+
+import numpy as np
+import pytest
+from made_up import made_up_run
+
+import flighttune as ft
+from flighttune.gaps.tracking import straight, tracked, tracking
+
+DT = 0.1
+
+
+def track(**columns):
+    """A log that turns at 6 deg/s until 30 s, and from 60 s to 70 s."""
+    t = np.arange(0.0, 120.0, DT)
+    rate = np.where((t < 30.0) | ((t >= 60.0) & (t < 70.0)), np.radians(6.0), 0.0)
+    columns = {name: np.broadcast_to(x, t.shape) for name, x in columns.items()}
+    return made_up_run({"chi": np.cumsum(rate) * DT, **columns}, t)
+
+
+def test_a_flight_is_straight_ten_seconds_after_its_turns():
+    run = track()
+
+    t = run.t[straight(run)]
+
+    # The course over the last 2 s, half of which are of a turn, turns at 3 deg/s.
+    inside = ((t >= 41.0 - DT) & (t < 61.0 + DT)) | (t >= 81.0 - DT)
+    assert inside.all()
+    assert len(t) * DT == pytest.approx(20.0 + 39.0, abs=3.0 * DT)
+
+
+def test_errors_in_turns_and_gaps_do_not_count():
+    error = np.full(1200, 1.0)
+    error[:400], error[1000:1100] = 50.0, math.nan
+
+    sizes = tracked(track(cross_track=-error, height_err=np.linspace(0.0, 2.0, 1200)))
+
+    assert sizes["cross track"] == 1.0
+    assert sizes["height"] == pytest.approx(1.95, abs=0.05)
+    assert tracked(track(phi=0.0)) == {}
+
+
+@pytest.mark.slow
+def test_flights_of_a_standard_receiver_see_less_than_their_true_error():
+    run = track(cross_track=3.0, height_err=0.5)
+
+    rows = {(x.of, x.grade): x for x in tracking(run, "aerosonde", 25.0, 1000.0)}
+
+    assert {of for of, _ in rows} == {"cross track", "height"}
+    # 93 flights of the circuit in light turbulence: 0.33 and 0.52 m as seen, 2.68 and 2.10 m true.
+    standard = rows["cross track", "standard"]
+    assert standard.low_m < 0.33 < 2.0 * standard.high_m < 1.2 < standard.true_m
+    assert standard.log_m == 3.0
+    for of in ("cross track", "height"):
+        ordered = [rows[of, grade].high_m for grade in ("rtk", "standard", "poor")]
+        assert ordered == sorted(ordered)
+
+
+def test_a_log_without_a_track_flies_nothing():
+    assert tracking(track(phi=0.0), "no such aircraft", 25.0, 1000.0) == ()
+
+
+def test_the_page_of_a_log_says_its_errors_of_track(tmp_path):
+    columns = ["t_s,phi_deg,chi_deg,cross_track_m,v_north,v_east"]
+    columns += [f"{0.1 * k},{math.sin(0.1 * k)},0.0,1.5,25.0,0.0" for k in range(600)]
+    (tmp_path / "flight.csv").write_text("\n".join(columns))
+
+    page = ft.report(tmp_path / "flight.csv", tmp_path / "page.html")
+
+    (said,) = (x for x in page.summary if "straight" in x)
+    assert "the autopilot sees its cross track within 1.5 m for 95 % of the time" in said
