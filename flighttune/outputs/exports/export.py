@@ -29,6 +29,7 @@ from flighttune.flight.models import law_setup
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.watch import FACTOR, LAG_S, SLOW, signals_of
 from flighttune.outputs.exports.jsbsim_folder import ExportedFlight, export_jsbsim
+from flighttune.outputs.exports.needs import needs
 from flighttune.routes.follow import (
     APPROACH,
     APPROACH_BESIDE,
@@ -74,7 +75,7 @@ def export_c(entry: Entry, folder: Path) -> Path:
         gains=entry.name,
         lead=entry.lead if entry.plant.aircraft else lead_on(scenario, None),
         g=scenario.flight.g_mps2,
-        notes=scenario.assumptions,
+        notes=(*scenario.assumptions, *needs(entry)),
         speed_priority=scenario.speed_priority,
     )
     write_text(folder / SOURCE, source)
@@ -312,6 +313,7 @@ def export(
         loaded.check_over_time("an export", airspeed=True)
     if form == "jsbsim" or plant or loaded.aircraft:
         entry = replace(entry, plant=aircraft_table(loaded, plant))
+    notes = (*notes, *needs(entry))
     if form == "c":
         monitor = None
         with together(out):
