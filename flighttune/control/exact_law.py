@@ -54,7 +54,7 @@ class RateLaw(NamedTuple):
     brake: float  # 1/s: twice the share of the load factor's rate limit that brakes the path angle
     course_first: bool  # whether the course has priority
     feedback: tuple[float, float]  # feedback gains on the errors of roll and load factor
-    turn_brake: float  # 1/s: as `brake`, for roll and course; inf without feedback of roll
+    turn_brake: float  # 1/s: as `brake`, for roll and course; inf if turns are not braked
 
 
 @checked_class
@@ -98,8 +98,10 @@ class ExactLaw(StatefulPI):
         The proportional part of the path-angle rate is at most
         ``sqrt(2 braking (g / V_a) r |e|)``, with r the rate limit of the load factor and e the
         error of the proportional part: a larger rate could not be reduced before the error is zero.
-        None: no bound. While the bound acts, the load factor counts as rate-limited. With feedback
-        of roll the same bound acts on the course, with the rate limit of roll.
+        None: no bound. While the bound acts, the load factor counts as rate-limited.
+    brakes_turns : bool, optional
+        Whether the same bound acts on the course, with the rate limit of roll; by default if roll
+        is fed back.
     wrapped : bool
         Take the course error the short way round.
     g : float, m/s^2
@@ -149,6 +151,7 @@ class ExactLaw(StatefulPI):
         priority: Priority = "gamma",
         lift_floor: float = LIFT_FLOOR,
         braking: float | None = BRAKING,
+        brakes_turns: bool | None = None,
         wrapped: bool = True,
         g: float = G_PAPER,
     ) -> None:
@@ -170,6 +173,9 @@ class ExactLaw(StatefulPI):
                 "`K_I` of the exact law must not turn or lift by the airspeed's error, got "
                 f"{gains.K_I[:2, 2].tolist()}."
             )
+        if brakes_turns is None:
+            brakes_turns = bool(gains.feedback[0])
+        brake, turn_brake = (2.0 * (braking or math.inf) * rates[i] for i in (1, 0))
         self.law = RateLaw(
             channels=channels[:2],
             wrapped=wrapped,
@@ -177,10 +183,10 @@ class ExactLaw(StatefulPI):
             tracking_gain=self.tracking_gain(anti_windup, tracking_time),
             per_g=1.0 / g,
             lift_floor=lift_floor,
-            brake=2.0 * (braking or math.inf) * rates[1],
+            brake=brake,
             course_first=priority == "chi",
             feedback=gains.feedback,
-            turn_brake=2.0 * (braking or math.inf) * rates[0] if gains.feedback[0] else math.inf,
+            turn_brake=turn_brake if brakes_turns else math.inf,
         )
 
     def linear(self) -> tuple[LinearModel, PIGains]:

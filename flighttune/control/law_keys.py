@@ -32,6 +32,8 @@ class LawTable(OwnTable):
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     # Exact law: rate at which errors are reduced without overshoot
     braking: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    # Exact law: whether errors of the course are reduced likewise; by default if roll is fed back
+    brakes_turns: bool | None = None
     # Whether a law of your own flies every gain set; if left out, once with the first set
     takes_gains: bool | None = None
 

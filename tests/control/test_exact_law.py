@@ -206,6 +206,27 @@ def test_a_climb_that_the_rate_limit_could_not_take_back_is_not_asked_for():
     assert law.state.limited[1] == 2
 
 
+@pytest.mark.parametrize(("feedback", "stated"), [(0.0, True), (0.3, None), (0.3, False)])
+def test_turns_are_braked_as_stated_or_where_roll_is_fed_back(feedback, stated):
+    gains = ft.PIGains(
+        K_P=np.diag([1.4, 2.0]),
+        K_I=np.zeros((2, 2)),
+        inputs=("chi_dot", "gamma_dot"),
+        feedback=(feedback, 0.0),
+    )
+    law = ft.loop.ExactLaw(gains, limits(rate=(0.6, 9.0)), dt=DT, braking=0.5, brakes_turns=stated)
+    error = 0.5
+
+    command(law, seen(), ft.loop.ReferenceSample(error, 0.0))
+
+    caught = math.sqrt(2.0 * 0.5 * (G / 25.0) * 0.6 * error)  # v^2 = 2 a s
+    rate = 1.4 * error if stated is False else caught
+    roll = math.atan(25.0 * rate / G)
+    first = 0.6 * DT  # of which the roll command is capable in a sample
+    assert law.state.u_unsat[0] == pytest.approx(roll + feedback * first, abs=ROUNDING)
+    assert law.state.limited[0] == 2
+
+
 def test_gains_of_the_papers_law_are_mapped_by_g_over_v():
     mapped = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0, g=G)
     level = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=G)

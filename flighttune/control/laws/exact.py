@@ -28,10 +28,13 @@ class Exact(Law):
     priority: Priority = "gamma"
     lift_floor: float = LIFT_FLOOR
     braking: float | None = BRAKING
+    brakes_turns: bool | None = None
 
     kind: ClassVar[str] = "exact"
     by_gains: ClassVar[bool] = True
-    keys: ClassVar[frozenset[str]] = frozenset({"priority", "lift_floor", "braking"})
+    keys: ClassVar[frozenset[str]] = frozenset(
+        {"priority", "lift_floor", "braking", "brakes_turns"}
+    )
     inputs: ClassVar[tuple[str, str]] = RATES
     trapezoidal: ClassVar[bool] = False
     same_everywhere: ClassVar[bool] = True
@@ -40,7 +43,7 @@ class Exact(Law):
 
     def make(self, setup: LawSetup, /) -> ExactLaw:
         """Make the controller of a flight."""
-        options = pick(self, "priority lift_floor braking")
+        options = pick(self, "priority lift_floor braking brakes_turns")
         return ExactLaw(**pi_settings(setup, "the exact law"), **options)
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
