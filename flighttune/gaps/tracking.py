@@ -14,10 +14,11 @@ from flighttune.flight.load import check_scenario, chosen_entry, speed_protected
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.logs.identify import flying
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.plants.navigation import GRADES
 
-# Errors of a track by word, with the signal of a log and that of a flight as its autopilot sees it.
+# Signal of each error of track by its word; `_seen` at its end is that of the autopilot.
 TRACKED = {"cross track": "cross_track", "height": "height_err"}
 
 # Share of the time for a quantile of an error's size.
@@ -46,14 +47,14 @@ class Tracking(NamedTuple):
 
 
 def straight(run: Run) -> npt.NDArray[np.bool_]:
-    """Whether a flight is straight and has been so for a while, at each sample."""
+    """Whether the vehicle flies, and has flown straight for a while, at each sample."""
     t, chi = run.t, run.signals["chi"].to_numpy(dtype=float)
     n = max(round(OVER_S / (t[1] - t[0])), 1)
     turned = np.full(len(t), np.inf)
     turned[n:] = np.abs(np.angle(np.exp(1j * (chi[n:] - chi[:-n])))) / OVER_S
     turning = ~(turned <= TURNING)  # NaN too
     last = np.maximum.accumulate(np.where(turning, t, -np.inf))
-    return t - last >= SETTLED_S
+    return (t - last >= SETTLED_S) & flying(run)
 
 
 def tracked(run: Run) -> dict[str, float]:
@@ -62,7 +63,7 @@ def tracked(run: Run) -> dict[str, float]:
     Empty if the log is straight for less than `MIN_STRAIGHT_S`.
     """
     sizes = dict[str, float]()
-    if "chi" not in run.signals or len(run.t) < 2:
+    if "chi" not in run.signals or not {"V_a", "V_g"} & set(run.signals) or len(run.t) < 2:
         return sizes
     there = straight(run)
     for word, name in TRACKED.items():

@@ -17,7 +17,8 @@ def track(**columns):
     t = np.arange(0.0, 120.0, DT)
     rate = np.where((t < 30.0) | ((t >= 60.0) & (t < 70.0)), np.radians(6.0), 0.0)
     columns = {name: np.broadcast_to(x, t.shape) for name, x in columns.items()}
-    return made_up_run({"chi": np.cumsum(rate) * DT, **columns}, t)
+    course = {"chi": np.cumsum(rate) * DT, "V_g": np.full(len(t), 25.0)}
+    return made_up_run({**course, **columns}, t)
 
 
 def test_a_flight_is_straight_ten_seconds_after_its_turns():
@@ -40,6 +41,13 @@ def test_errors_in_turns_and_gaps_do_not_count():
     assert sizes["cross track"] == 1.0
     assert sizes["height"] == pytest.approx(1.95, abs=0.05)
     assert tracked(track(phi=0.0)) == {}
+
+
+def test_errors_on_the_ground_do_not_count():
+    speed, error = np.full(1200, 25.0), np.full(1200, 1.0)
+    speed[820:1000], error[820:1000] = 0.0, 50.0
+
+    assert tracked(track(V_g=speed, cross_track=error)) == {"cross track": 1.0}
 
 
 @pytest.mark.slow
