@@ -20,7 +20,7 @@ from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.explain import band, compare, gap, gradient, monitor, tube, worst
 from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, open_page, view
 from flighttune.cli.gains import certify, meet, tune, verify
-from flighttune.cli.options import COMMANDS, FORMER, RUN_CODE, WORKERS, command
+from flighttune.cli.options import ALIKE, COMMANDS, FORMER, OF_ALL, RUN_CODE, WORKERS, command
 from flighttune.cli.pages import export, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
 
@@ -35,6 +35,9 @@ OF_PYDANTIC = {
     "Input should be a valid integer.*": "it must be an integer",
     "Input should be a valid number.*": "it must be a number",
 }
+
+# Options that stand in the help of the group, not of each command.
+FOR_ALL = [ALIKE[name] for name in OF_ALL]
 
 # Maximum length of the first sentence of a command's help, characters.
 LONGEST_SENTENCE = 200
@@ -71,6 +74,8 @@ class Grouped(TyperGroup):
             helps = [self.commands[x].get_short_help_str(LONGEST_SENTENCE) for x in names]
             with formatter.section(panel):
                 formatter.write_dl([*zip(names, helps, strict=True)])
+        with formatter.section("Options of every command"):
+            formatter.write_dl([(", ".join(x["flags"]), x["help"]) for x in FOR_ALL])
 
 
 app = typer.Typer(
@@ -82,8 +87,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # Rich would read "[default: ...]" in a help text as markup and drop it
     help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
     "JSBSim, and compare both in one recording.",
-    epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
-    "run.",
+    epilog="Begin with: flighttune new my_turn, then flighttune fly my_turn.toml. Exit status: 0 "
+    "fine, 1 the answer is no, 2 could not run.",
 )
 NAMED_AS_FUNCTION = (
     *(adopt, band, campaign, certify, compare, design, export, fly, gap, gradient, identify),

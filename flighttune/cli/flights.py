@@ -118,6 +118,7 @@ def list_shipped() -> Answer:
             for rows in [[*map(_heading, paths.values())]]
         ],
         notes=[f"studies: {', '.join(studies)}", f"aircraft: {', '.join(places)}"],
+        whole=True,
     )
 
 

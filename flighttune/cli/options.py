@@ -79,7 +79,7 @@ OF_FILES = ".csv", ".html", ".json", ".npz", ".parquet", ".rrd", ".svg", ".toml"
 # Parameters that the command line supplies.
 SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
 
-# Options of every command, listed last in its help.
+# Options of every command, which the help of the group lists.
 OF_ALL = {"as_json": bool, "quiet": bool}
 
 
@@ -130,7 +130,7 @@ class Option:
         kind, value = self.kind, self.value
         kept = {key: getattr(self, key) for key in ("metavar", "min", "max")}
         more = {key: x for key, x in kept.items() if x is not None}
-        if self.hidden:
+        if self.hidden or self.name in OF_ALL:
             more["hidden"] = True
         if self.complete:
             more["autocompletion"] = COMPLETE[self.complete]

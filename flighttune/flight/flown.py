@@ -113,20 +113,17 @@ class ClaimCheck:
         runs = len(self.counts)
         early = f"{ended} of {runs} run{'s' * (runs > 1)} ended early" if ended else ""
         if self.verdict == "not tested":
-            ends = early or "all were completed"
-            return f"Claim not tested: no [[expect]] is about these runs; {ends}"
+            ends = early or f"{runs} of {runs} run{'s' * (runs > 1)} completed"
+            return f"No requirement ([[expect]]) applies to these runs; {ends}"
         stated = f"{n} requirement{'s' if n > 1 else ''}"
         if self.verdict == "met":
             poor = len(self.lower)
-            lower = f" ({poor} lower bound{'s' * (poor > 1)})" if poor else ""
-            return f"Claim met: {met} of {stated}{lower}"
-        counts = {"met": met, "missed": n - met - not_flown}
-        counts |= {"not flown": not_flown} if not_flown else {}
-        words = ", ".join(f"{number} {what}" for what, number in counts.items())
+            asks = f"; {poor} ask{'s' * (poor == 1)} for a slow or poor flight"
+            return f"{met} of {stated} met{asks * (poor > 0)}"
+        words = f"{met} of {stated} met, {n - met - not_flown} missed"
+        words += f", {not_flown} not flown" if not_flown else ""
         off = f"{strayed} of {runs} run{'s' * (runs > 1)} did not follow the reference to the end"
-        return "; ".join(
-            filter(None, [f"Claim not met: of {stated} {words}", early, off if strayed else ""])
-        )
+        return "; ".join(filter(None, [words, early, off if strayed else ""]))
 
     @property
     def closest(self) -> str:
@@ -134,14 +131,13 @@ class ClaimCheck:
         if self.verdict != "met" or not self.bounds:
             return ""
         tightest = max(self.bounds, key=lambda check: check.margin)
-        poor = "a poor flight meets a lower bound; " if self.lower else ""
-        return f"{poor}closest to its bound: {tightest.run}: {tightest.sentence}"
+        return f"Tightest: {tightest.run}: {tightest.sentence}"
 
     @property
     def sentence(self) -> str:
         """The verdict with the first missed requirement or tightest bound, and active limits."""
         first = self.missed[:1] or [self.closest]
-        return "; ".join(filter(None, [self.short, *first, *self.held[:1]]))
+        return ". ".join(filter(None, [self.short, *first, *self.held[:1]]))
 
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:

@@ -42,7 +42,7 @@ from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_
 from flighttune.flight.metrics import AIRSPEED, OFF_ROUTE, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
+from flighttune.studies.meeting import BY_DEFAULT, STARTS, Meeting, Status, Trial
 from flighttune.vehicles.plant_keys import flown_aircraft
 from flighttune.vehicles.plants.base import goes_by
 
@@ -61,8 +61,6 @@ KEPT = (
     "R_K must be at least half the R_K of {}, which meets everything; at_least.loop.R_K of "
     "[[expect]] replaces this bound."
 )
-
-STARTS = "The start is {}, the nearest of {}; {} were tried too."
 
 TRUE_PLACE = (
     "Distances from the route count from the true place. The errors of navigation alone take the "

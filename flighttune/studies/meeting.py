@@ -22,6 +22,9 @@ Status: TypeAlias = Literal["met", "missed", "not sure"]
 # Run of the margins that are required unless the scenario states others.
 BY_DEFAULT = "by default"
 
+# Note about the choice of the start: its name, whose gains were tried, and the others.
+STARTS = "The start is {}, the nearest to the requirements of {}; {} were tried too."
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:

@@ -231,8 +231,14 @@ def test_the_start_is_what_the_scenario_flies_and_the_others_are_named():
     meeting = ft.meet(slack, budget=8, workers=1)
 
     assert (meeting.start, meeting.start_met) == ("tuned_fed_back", True)
-    note = "The start is tuned_fed_back, the nearest of the gains that the scenario flies; tuned"
+    note = (
+        "The start is tuned_fed_back, the nearest to the requirements of the gains that the "
+        "scenario flies; tuned"
+    )
     assert any(said.startswith(note) for said in meeting.notes)
+    first, second = meeting.answer().summary
+    assert first.startswith("The gains of the start, tuned_fed_back, already meet all 3")
+    assert second.startswith(note)
 
 
 @pytest.mark.soak

@@ -129,7 +129,7 @@ def test_expectations_hold_for_the_runs_they_name():
     assert len(checks.check_claim(wanted, [flown(off, gains="K5")]).missed) == 1
     # gains that fly beside those that are judged may end early, where all requirements name gains
     early = [flown(gains="K5"), flown(status="left_envelope", reason="t = 3 s.")]
-    assert checks.check_claim(wanted, early).short == "Claim met: 1 of 1 requirement"
+    assert checks.check_claim(wanted, early).short == "1 of 1 requirement met"
     assert (
         len(checks.check_claim(scenario(*wanted.expect, {"status": "completed"}), early).missed)
         == 1
@@ -146,10 +146,10 @@ def test_runs_that_end_early_are_no_requirements_of_the_user():
 
     assert claim.total[:3] == (0, 0, 0)
     assert claim.short == (
-        "Claim not tested: no [[expect]] is about these runs; 6 of 12 runs ended early"
+        "No requirement ([[expect]]) applies to these runs; 6 of 12 runs ended early"
     )
     assert len(claim.missed) == 6  # the exit status is that of a failure all the same
-    assert bounded.short == "Claim met: 1 of 1 requirement"
+    assert bounded.short == "1 of 1 requirement met"
 
 
 MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "saturation_s": 3.0}}
@@ -162,24 +162,24 @@ MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "sat
         ([{"at_most": {"chi": {"ITAE": 1.8}, "gamma": {"peak_deg": 1.0}}}], {}, "met",
          ("2 of 2", "chi.ITAE", "1.745")),
         ([{"at_most": {"flight": {"n_z_max": 1.232}}}], {"n_z": 1.2344}, "not met",
-         ("0 met", "n_z_max", "1.232", "1.234", "0.0024")),
+         ("0 of 1 requirement met", "n_z_max", "1.232", "1.234", "0.0024")),
         ([{"status": "left_envelope"}], {"status": "left_envelope"}, "met",
          ("1 of 1 requirement",)),
         # 2 deg is above a lower bound of 1 deg by once the bound, and 1 deg below one of 3 deg
         ([{"at_least": {"chi": {"peak_deg": 1.0}}}], {}, "met",
-         ("Claim met: 1 of 1 requirement (1 lower bound); a poor flight meets a lower bound; ",
+         ("1 of 1 requirement met; 1 asks for a slow or poor flight. Tightest: ",
           "chi.peak_deg must be at least 1, got 2")),
         ([{"at_most": {"chi": {"peak_deg": 3.0}}, "at_least": {"chi": {"peak_deg": 1.0}}}], {},
-         "met", ("2 of 2 requirements; closest",)),
+         "met", ("2 of 2 requirements met. Tightest",)),
         ([{"at_least": {"flight": {"n_z_max": 0.5}}}], {}, "met",
-         ("1 of 1 requirement; closest",)),
+         ("1 of 1 requirement met. Tightest",)),
         ([{"at_least": {"chi": {"peak_deg": 3.0}}}], {}, "not met",
-         ("0 met", "chi.peak_deg must be at least 3, got 2 (missed by 1)")),
+         ("0 of 1 requirement met", "chi.peak_deg must be at least 3, got 2 (missed by 1)")),
         ([], {}, "not tested", ("[[expect]]",)),
         ([], {"status": "crashed", "reason": "t = 3 s"}, "not tested",
-         ("Claim not tested: no [[expect]]", "; 1 of 1 run ended early;", "t = 3 s")),
+         ("No requirement ([[expect]])", "; 1 of 1 run ended early. ", "t = 3 s")),
         ([{"at_most": {"chi": {"peak_deg": 3.0}}}], {"status": "crashed", "reason": "t = 3 s"},
-         "not met", ("of 1 requirement 0 met, 0 missed, 1 not flown; 1 of 1 run ended early",)),
+         "not met", ("0 of 1 requirement met, 0 missed, 1 not flown; 1 of 1 run ended early",)),
     ],
 )  # fmt: skip
 def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
@@ -226,7 +226,7 @@ def test_a_bound_above_a_measure_of_one_run_is_none_of_another():
     claim = checks.ClaimCheck(verdict="met", counts=counts, bounds=bounds, missed=())
 
     assert [check.run for check in claim.lower] == ["b"]
-    assert claim.short == "Claim met: 3 of 3 requirements (1 lower bound)"
+    assert claim.short == "3 of 3 requirements met; 1 asks for a slow or poor flight"
 
 
 @pytest.mark.parametrize("step_s", [1.0, 8.5])

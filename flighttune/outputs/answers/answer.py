@@ -21,8 +21,12 @@ from flighttune.base.words import MISSING, interval, matrix, number
 # Space between two columns.
 GAP = "  "
 
-# Width to which a column of words may be wrapped before the table is cut in two, characters.
+# Width to which a column of words may be wrapped before the table is cut in two, characters. A
+# longer name is broken only above twice this width.
 NARROWEST = 16
+
+# Maximum number of lines of all tables of an answer in a terminal.
+TABLE_LINES = 20
 
 # Length of a cell from which a page may wrap the last column, characters.
 LONG_WORDS = 40
@@ -39,6 +43,8 @@ class Column:
     factor: float = 1.0  # factor from the value to the shown unit
     ends: tuple[str, str] | None = None  # keys of the interval around its numbers
     missing: str = MISSING
+    short: str = ""  # name where the full one would not fit into one line
+    spare: bool = False  # whether it is left out where even short names do not fit
 
     @property
     def heading(self) -> str:
@@ -80,6 +86,7 @@ class Table:
     name: str = ""  # key of the records in a JSON object; empty if its values already have them
     label: str = ""  # key of the run whose colour marks a row on a page
     grouped: bool = False  # whether the first column heads separate tables if room is short
+    aside: bool = False  # whether a terminal leaves it to pages and --json
 
     @property
     def filled(self) -> "Table":
@@ -126,7 +133,7 @@ class Table:
         """The table in lines of at most `width` characters; words are wrapped, numbers are not."""
         # in one line, because a title from a file must not imitate other lines
         title = [" ".join(self.title.split())] if self.title else []
-        first, *others = shown = self.filled.columns
+        first, *others = shown = self._shortened(self.filled.columns, width)
         least = dict(zip(shown, replace(self, columns=shown)._least(), strict=True))
         if self.grouped and sum(least[c] + len(GAP) for c in shown) > width + len(GAP):
             groups: dict[str, list[Mapping[str, Any]]] = {}
@@ -147,20 +154,34 @@ class Table:
         lines = [line for block in blocks for line in replace(self, columns=block)._lines(width)]
         return "\n".join([*title, *lines])
 
+    def _shortened(self, columns: Sequence[Column], width: int) -> list[Column]:
+        """The columns, with short names and without spare ones if they do not fit into a line."""
+        cells = zip(*replace(self, columns=columns).rows, strict=True)
+        widths = [max(map(len, (c.heading, *x))) for c, x in zip(columns, cells, strict=True)]
+        if sum(widths) + len(GAP) * (len(widths) - 1) <= width:
+            return [*columns]
+        short = [replace(column, name=column.short or column.name) for column in columns]
+        if sum(replace(self, columns=short)._least()) + len(GAP) * (len(short) - 1) <= width:
+            return short
+        return [column for column in short if not column.spare]
+
     def _least(self) -> list[int]:
-        """Minimum width of each column: only words may be wrapped."""
+        """Minimum width of each column: only words may be wrapped; names and units are whole."""
         widths = []
         columns = zip([column.heading for column in self.columns], *self.rows, strict=True)
         for place, ((heading, *cells), words) in enumerate(
             zip(columns, self.left_aligned, strict=True)
         ):
             if not words:
-                widths.append(max(map(len, (*heading.split(), *cells)), default=0))
+                widths.append(max(map(len, (*heading.split(" "), *cells)), default=0))
             elif not place:  # the first column names the rows
                 widths.append(min(max(map(len, (heading, *cells))), 2 * NARROWEST))
             else:
-                parts = " ".join([heading, *cells]).split()
-                widths.append(min(max(map(len, parts), default=0), NARROWEST))
+                # short names stay whole, and so do units, which have other spaces
+                long = [cell for cell in (heading, *cells) if len(cell) > NARROWEST]
+                parts = [*heading.split(" "), *" ".join(long).split(" ")]
+                parts += [cell for cell in cells if len(cell) <= NARROWEST]
+                widths.append(min(max(map(len, parts), default=0), 2 * NARROWEST))
         return widths
 
     def _lines(self, width: int) -> Iterator[str]:
@@ -252,6 +273,7 @@ class Answer:
     files: Mapping[str, Path | str | None] = field(default_factory=dict)
     failure: str = ""  # reason for an exit status other than 0
     status: int = 1  # exit status of a failure: 1 if the answer is no
+    whole: bool = False  # whether its tables are the answer, and a terminal shows all lines
 
     def json(self) -> str:
         """One JSON object; infinite numbers and NaN become null."""
@@ -273,16 +295,22 @@ class Answer:
         write_text(Path(path), self.json() + "\n")
 
     def text(self, width: int) -> Iterator[str]:
-        """Paragraphs and tables of at most `width` characters; commands and paths may be longer."""
-        head = [line for part in (self.summary, self.changed) for line in (*part, "") if part]
+        """Paragraphs and tables of at most `width` characters; commands and paths may be longer.
+
+        The answer comes first, then what it leaves out, then at most `TABLE_LINES` of tables.
+        """
+        first = self.summary or [self.verdict] * bool(self.verdict)
+        head = [line for part in (first, self.changed) for line in (*part, "") if part]
         for line in head:
             yield fill(line, width, break_long_words=False, break_on_hyphens=False)
-        for place, table in enumerate(table for table in self.tables if table.records):
-            text = table.text(width)
+        shown, left_out = self._shown(width)
+        for place, text in enumerate(shown):
             yield f"\n{text}" if place else text
-        last = "" if any(self.verdict in line for line in self.summary) else self.verdict
+        last = "" if any(self.verdict in line for line in first) else self.verdict
         sentences = [sentence for sentence in (*self.notes, last) if sentence]
-        if self.tables and sentences:
+        if left_out:
+            sentences.append(f"More with --json: {', '.join(left_out)}.")
+        if shown and sentences:
             yield ""
         for sentence in sentences:
             yield fill(sentence, width, break_long_words=False, break_on_hyphens=False)
@@ -296,6 +324,24 @@ class Answer:
         if recording is not None and not (self.files.get("page") or self.failure):
             yield f"A page to send: flighttune report {quote(str(Path(recording).parent))}"
 
+    def _shown(self, width: int) -> tuple[list[str], list[str]]:
+        """Tables of a terminal in at most `TABLE_LINES`, and the names of what is left out."""
+        shown, left_out, room = [], [], TABLE_LINES
+        for table in (table for table in self.tables if table.records):
+            text, n = table.text(width), len(table.records)
+            kept = n
+            while not (self.whole or table.aside or shown) and kept > 1 and _lines(text) > room:
+                kept -= 1
+                text = replace(table, records=table.records[:kept]).text(width)
+            name = " ".join(table.title.partition(",")[0].split())
+            if table.aside or (shown and not self.whole and _lines(text) + 1 > room):
+                left_out += [name] if name else []
+                continue
+            left_out += [f"{n - kept} of {n} rows"] * (kept < n)
+            shown.append(text)
+            room -= _lines(text) + 1
+        return shown, left_out
+
     def html(self) -> str:
         """Tables and sentences for a notebook."""
         tables = [table.html() for table in self.tables if table.records]
@@ -304,6 +350,10 @@ class Answer:
             for texts in ((*self.summary, *self.changed), (*self.notes, self.verdict, self.failure))
         )
         return printable("".join([*before, *tables, *after]))
+
+
+def _lines(text: str) -> int:
+    return text.count("\n") + 1
 
 
 def _plain(value: Any) -> Any:

@@ -46,6 +46,21 @@ def planned(forecast: Forecast) -> Answer:
     )
 
 
+def succeeded_in_words(outcome: CampaignOutcome) -> str:
+    """Number of flights that meet every requirement, with the best and worst group."""
+    said = f"{outcome.succeeded} of {outcome.runs} flights meet every requirement"
+    shares = {
+        f"{group['group']} ({group['succeeded']} of {group['runs']})": group["succeeded"]
+        / group["runs"]
+        for group in outcome.by_group
+        if group["runs"]
+    }
+    if len({*shares.values()}) < 2:
+        return f"{said}."
+    best, worst = (pick_of(shares, key=shares.__getitem__) for pick_of in (max, min))
+    return f"{said}: the largest share with {best}, the smallest with {worst}."
+
+
 def flown(outcome: CampaignOutcome) -> Answer:
     """Flights by status, and their time; exit status 130 after an interrupt.
 
@@ -67,6 +82,7 @@ def flown(outcome: CampaignOutcome) -> Answer:
             Table(columns(" ".join(outcome.by_group[0])), outcome.by_group),
             endings_table(outcome.endings),
         ],
+        summary=[succeeded_in_words(outcome), *([answered] if answered and reached else [])],
         notes=[
             f"{outcome.runs}{most} flights = {draws_in_words(outcome.runs, outcome.groups)}",
             f"flown now: {outcome.flown} in {speed}" if outcome.flown else "nothing was missing",

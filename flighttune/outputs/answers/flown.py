@@ -1,6 +1,7 @@
 """The answer of a flown scenario."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from flighttune.base.words import pick
@@ -14,9 +15,9 @@ from flighttune.outputs.answers.run import claimed, priority_notes
 
 # Metrics of the printed table; ``--json`` has them all.
 RUN_COLUMNS = columns(
-    "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
-    "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
-)
+    "plant gains status metrics.chi.MO_rad metrics.gamma.MO_rad metrics.chi.settling_s "
+    "metrics.gamma.settling_s"
+) + [replace(x, spare=True) for x in columns("metrics.chi.ITAE metrics.gamma.ITAE")]
 ROUTE_COLUMNS = columns(
     "plant gains status metrics.flight.cross_track_m metrics.flight.height_err_m "
     "metrics.flight.V_a_dev_mps metrics.chi.saturation_s metrics.gamma.saturation_s"
@@ -36,6 +37,8 @@ def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> A
         run["indicators"] = loops.get(run["gains"], dict.fromkeys(("R_K", "I_K", "E_K")))
     linear = [{"gains": name, **values} for name, values in loops.items()]
     shown = RUN_COLUMNS if scenario.route is None else ROUTE_COLUMNS
+    if all(run.status == "completed" for run in flown.runs):
+        shown = [column for column in shown if column.key != "status"]
     claim, missed = flown.claim, flown.claim.missed
     slopes = slopes_not_held(scenario)
     next_step = advice(scenario, flown.runs, flown.source, slopes)
@@ -57,11 +60,11 @@ def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> A
         },
         tables=[
             Table(shown, runs, scenario.title, grouped=True),
-            Table(columns("gains R_K I_K E_K"), linear, loop_in_words(scenario)),
+            Table(columns("gains R_K I_K E_K"), linear, loop_in_words(scenario), aside=True),
         ],
         summary=around.summary,
         notes=[*scenario.notes, *slopes, *around.notes, *notes(flown)],
-        verdict=f"{sentence}. {next_step}" if next_step else sentence,
+        verdict=f"{sentence}. {next_step}" if next_step else f"{sentence.removesuffix('.')}.",
         failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
         status=around.status,
     )

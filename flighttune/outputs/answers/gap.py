@@ -19,11 +19,15 @@ METRICS = [
     for key in ("ITAE", "MO_rad", "ST_rad", "saturation_s")
     for channel in CHANNEL_SYMBOLS
 ]
-RUNG_COLUMNS = columns(" ".join(["plant", "status", *METRICS]))
+METRIC_COLUMNS = [
+    *columns(" ".join(METRICS[:4])),
+    *(replace(column, spare=True) for column in columns(" ".join(METRICS[4:]))),
+]
+RUNG_COLUMNS = [*columns("plant status"), *METRIC_COLUMNS]
 STEP_COLUMNS = [
     *columns("gains"),
     Column("adds", "upper minus lower plant"),
-    *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
+    *(replace(column, digits="+.2f") for column in METRIC_COLUMNS),
 ]
 AIRSPEED_COLUMNS = columns(
     "plant metrics.V.ITAE metrics.V.MO_mps metrics.V.settling_s metrics.V.ST_mps metrics.V.min_mps"
@@ -65,9 +69,9 @@ def answer(gap: Gap, signals: Mapping[str, Path] | None = None) -> Answer:
             "planning": gap.largest_errors,
             **around.values,
         },
-        summary=around.summary,
+        summary=[*around.summary, *causes(gap)],
         tables=tables if gap.steps else [],
-        notes=[*gap.scenario.notes, *notes, *causes(gap), *planning(gap), *around.notes],
+        notes=[*gap.scenario.notes, *notes, *planning(gap), *around.notes],
         failure=around.failure or early,
         status=around.status,
     )

@@ -10,7 +10,7 @@ from flighttune.base.endings import endings
 from flighttune.base.names import UNIT_OF_SUFFIX
 from flighttune.base.signals import CHANNEL_WORDS, SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
-from flighttune.base.words import figures, p_value, percent
+from flighttune.base.words import figures, number, p_value, percent
 from flighttune.outputs.answers.answer import Column, Table
 
 
@@ -58,7 +58,7 @@ def metric_label(key: str, channels: Mapping[str, str] = SYMBOLS) -> Column:
     name, bracket, band = label.name.partition(" (")
     name, _, part = name.partition(", ")
     where = part and f" in the {part}"
-    label = replace(label, name=f"{name} of {channels[channel]}{where}{bracket}{band}")
+    label = replace(label, name=f"{name} of {channels[channel]}{where}{bracket}{band}", short="")
     if channel == "V" and metric.startswith("ITAE"):
         return replace(label, unit=label.unit.replace("rad", "m/s"))
     if metric != "effort_rms":
@@ -81,7 +81,11 @@ def in_words(requirement: Mapping[str, Any]) -> dict[str, Any]:
         for key in ("bound", "value", "start", "alone", "beside")
         if isinstance(requirement.get(key), float | int)
     }
-    words = {"words": measure_words(requirement["measure"]), "unit": label.unit.strip("1")}
+    unit = label.unit.strip("1")
+    words = {"words": measure_words(requirement["measure"]), "unit": unit}
+    if "sense" in requirement:
+        bound = number(values["bound"], "z.4g")
+        words["must_be"] = f"{requirement['sense']} {bound} {unit}".strip()
     return {**requirement, **values, **words}
 
 
@@ -101,8 +105,8 @@ def _column(key: str) -> Column:
         label = METRIC_LABELS[last]
         if channel not in SYMBOLS:
             return replace(label, key=key)
-        name = f"{label.name} {SYMBOLS[channel]}"
-        return replace(metric_label(f"{channel}.{last}"), key=key, name=name)
+        name, short = (f"{x} {SYMBOLS[channel]}" if x else "" for x in (label.name, label.short))
+        return replace(metric_label(f"{channel}.{last}"), key=key, name=name, short=short)
     if last in QUANTITIES:
         return replace(QUANTITIES[last], key=key)
     for suffix, unit in UNIT_OF_SUFFIX.items():

@@ -1,6 +1,7 @@
 """The answer of a search for gains that meet requirements."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from flighttune.base.words import interval, listed, percent, pick
@@ -15,18 +16,16 @@ from flighttune.flight.models import linear_model
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.outputs.answers.tables import dispersions_table, gains_table, margins_table
-from flighttune.studies.meeting import BY_DEFAULT, Meeting
+from flighttune.studies.meeting import BY_DEFAULT, STARTS, Meeting
 
-REQUIREMENT_COLUMNS = columns(
-    "run words sense bound value start unit margin active", of="requirements"
-)
-SHARE_COLUMNS = [*REQUIREMENT_COLUMNS[:4], *columns("value unit share share_start", of="shares")]
-TRADE_COLUMNS = [*REQUIREMENT_COLUMNS[:5], *columns("unit alone beside", of="trade_offs")]
+REQUIREMENT_COLUMNS = columns("run words must_be value start margin", of="requirements")
+SHARE_COLUMNS = [*REQUIREMENT_COLUMNS[:3], *columns("value share share_start", of="shares")]
+TRADE_COLUMNS = [*REQUIREMENT_COLUMNS[:4], *columns("alone beside", of="trade_offs")]
 TRADED = "the best of each among the gains flown here"
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
 BY_DEFAULT_NOTE = (
-    "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
-    "at_least.loop of [[expect]] replace them."
+    "Required by default: a gain margin of 6 dB and a phase margin of 35 deg (to change: "
+    "at_least.loop of [[expect]])."
 )
 # Claims, by the rule that decides or by the sure answer.
 AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
@@ -48,6 +47,8 @@ def answer(meeting: Meeting) -> Answer:
     certificate = certify_scenario(scenario, meeting.gains, law=law).values
     missed = [f"{subject(row)}: {row['why']}" for row in rows if row["why"]]
     shown, said = SHARE_COLUMNS if meeting.success else REQUIREMENT_COLUMNS, sentence(meeting)
+    starts = [note for note in meeting.notes if note.startswith(STARTS.partition("{}")[0])]
+    others = [note for note in meeting.notes if note not in starts]
     return Answer(
         values={
             **pick(meeting, "status start start_met flights candidates metric"),
@@ -58,17 +59,18 @@ def answer(meeting: Meeting) -> Answer:
             **meeting.compiled.values,
         },
         tables=[
-            Table(shown, [*map(in_words, rows)], start_sentence(meeting) or scenario.title),
+            Table(shown, [*map(in_words, rows)], scenario.title),
             Table(TRADE_COLUMNS, [*map(in_words, meeting.trade_offs)], TRADED),
             gains_table("gains", meeting.gains),
-            *drawn(meeting),
-            Table(columns("R_K I_K E_K spectral_abscissa"), [figures]),
-            margins_table(loop_margins(model, meeting.gains)),
-            Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
+            *(replace(table, aside=True) for table in drawn(meeting)),
+            Table(columns("R_K I_K E_K spectral_abscissa"), [figures], "indicators", aside=True),
+            replace(margins_table(loop_margins(model, meeting.gains)), aside=True),
+            Table(CERTIFICATE_COLUMNS, [certificate], "certificate", aside=True),
             endings_table(meeting.endings),
         ],
+        summary=[said, *starts],
         notes=[
-            *filter(None, [worse_sentence(meeting), *meeting.notes, *missed]),
+            *filter(None, [worse_sentence(meeting), *others, *missed]),
             *meeting.compiled.notes,
             *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
         ],
@@ -83,13 +85,6 @@ def drawn(meeting: Meeting) -> list[Table]:
         return []
     labels = [plant.label for plant in meeting.scenario.plant]
     return [dispersions_table(distribution_of(meeting.campaign, label), label) for label in labels]
-
-
-def start_sentence(meeting: Meeting) -> str:
-    """A note that the initial gains already meet all requirements; else empty."""
-    n = len(meeting.requirements)
-    met = f"the gains of the start, {meeting.start}, already meet all {n} requirements"
-    return met if meeting.start_met else ""
 
 
 def worse_sentence(meeting: Meeting) -> str:
@@ -108,17 +103,21 @@ def sentence(meeting: Meeting) -> str:
         return share_met(meeting, meeting.success, flights)
     n, missed = len(rows), sum(not row["margin"] >= 0.0 for row in rows)
     if missed:
-        said = f"{missed} of {n} requirements missed, after {flights}"
+        said = f"{missed} of {n} requirements are missed after {flights}"
         return f"{said}; these are the nearest gains."
-    least = 100.0 * min(row["margin"] for row in rows)
-    met = f"All {n} requirements are met by {least:.1f} %, after {flights}"
+    tightest = min(rows, key=lambda row: row["margin"])
+    also = f"The gains of the start, {meeting.start}, already meet" if meeting.start_met else "Met:"
+    met = (
+        f"{also} all {n} requirements. The gains found have {100.0 * tightest['margin']:.1f} % to "
+        f"spare in the tightest, {subject(tightest)}, after {flights}."
+    )
     if meeting.metric["name"] == "margin":
-        return f"{met}."
+        return met
     active = [subject(row) for row in rows if row["active"]]
     stop = "stops" if len(active) == 1 else "stop"
     limits = f"; {listed(active)} {stop} it from falling" if active else ""
     return (
-        f"{met}. {meeting.metric['name']} is {meeting.metric['value']:.4g}, "
+        f"{met} {meeting.metric['name']} is {meeting.metric['value']:.4g}, "
         f"{meeting.metric['start']:.4g} at the start{limits}."
     )
 

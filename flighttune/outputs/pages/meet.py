@@ -29,7 +29,6 @@ from flighttune.outputs.answers.meeting import (
     CERTIFICATE_COLUMNS,
     REQUIREMENT_COLUMNS,
     sentence,
-    start_sentence,
     worse_sentence,
 )
 from flighttune.outputs.answers.run import run_styles
@@ -47,7 +46,6 @@ from flighttune.vehicles.plants.base import goes_by
 CHECKED_COLUMNS = [
     Column("start", "with the paper's gains") if column.key == "start" else column
     for column in REQUIREMENT_COLUMNS
-    if column.key != "active"
 ]
 
 # Maximum number of charts: pairs of the requirements with the smallest margins
@@ -81,7 +79,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         sets,
         _flown(meeting.worst or meeting.scenario, sets),
         summary=[
-            *filter(None, [start_sentence(meeting), sentence(meeting), worse_sentence(meeting)]),
+            *filter(None, [sentence(meeting), worse_sentence(meeting)]),
             *meeting.tuned_for.get("assumed", ()),
         ],
         parts={

@@ -168,6 +168,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
         sections=_sections(source, [(run, styles[run.label]) for run in runs], convergence, gaps),
         title=scenario.title,
         claim=scenario.verifies,
+        refused=first[0] if claim.verdict == "not met" else "",
         legend=[(run.label, styles[run.label]) for run in runs],
         styles=styles,
         without_gap=without_gap,

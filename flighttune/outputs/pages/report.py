@@ -76,7 +76,7 @@ def report(
     Examples
     --------
     >>> ft.report("paper_as_printed@paper", "report.html").summary[0]
-    'Claim met: 4 of 4 requirements.'
+    '4 of 4 requirements met.'
     """
     if isinstance(source, FlownScenario):
         if changes:

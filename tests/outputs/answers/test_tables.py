@@ -3,10 +3,11 @@
 import json
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import pytest
 
-from flighttune.outputs.answers.answer import Answer, Column, Table, facts_table
+from flighttune.outputs.answers.answer import TABLE_LINES, Answer, Column, Table, facts_table
 
 WIDTHS = 120, 80, 48
 NUMBERS = ("ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ")
@@ -96,6 +97,58 @@ def test_a_column_without_any_value_is_left_out():
     text = Table(columns=columns, records=[{"name": "x", "reason": "", "n": 3}]).text(80)
 
     assert text.splitlines()[0].split() == ["name", "n"]
+
+
+PLANT, GAINS = "jsbsim:aerosonde", "exact:tuned_identified"
+
+
+@pytest.mark.parametrize("width", [48, 80, 100, 120])
+def test_no_name_and_no_unit_is_broken(width):
+    columns = (
+        Column("plant", "plant"),
+        Column("gains", "gains"),
+        Column("leg", "to or at"),
+        Column("why", "why"),
+        *(Column(x, f"integral of {x}", "rad\u2009s²") for x in "abcd"),
+    )
+    row = {"plant": PLANT, "gains": GAINS, "leg": "waypoint 2", "why": "word " * 20}
+    text = Table(columns=columns, records=[row | dict.fromkeys("abcd", 1.5)]).text(width)
+
+    assert all(name in text for name in (PLANT, GAINS, "waypoint 2"))
+    assert text.count("[rad\u2009s²]") == 4
+
+
+def test_short_names_and_then_fewer_columns_make_a_table_one_line_wide():
+    columns = (
+        Column("plant", "plant"),
+        Column("settling", "time until it is settled", "s", short="settling"),
+        Column("ITAE", "ITAE", spare=True),
+    )
+    table = Table(columns=columns, records=[{"plant": PLANT, "settling": 1.5, "ITAE": 2.5}])
+
+    heads = [table.text(width).splitlines()[0].split() for width in (60, 36, 30)]
+
+    assert heads == [
+        ["plant", "time", "until", "it", "is", "settled", "[s]", "ITAE"],
+        ["plant", "settling", "[s]", "ITAE"],
+        ["plant", "settling", "[s]"],
+    ]
+
+
+def test_an_answer_begins_with_its_sentence_and_has_few_lines_of_tables():
+    def rows(n, **how):
+        return Table([Column("n", "n")], [{"n": i} for i in range(n)], **how)
+
+    tables = [rows(30, title="long"), rows(2, title="later, much"), rows(1, title="x", aside=True)]
+    answer = Answer(tables=tables, verdict="It is so.", changed=["Not covered: y."], notes=["z"])
+
+    lines = "\n".join(answer.text(80)).splitlines()
+
+    assert lines[:4] == ["It is so.", "", "Not covered: y.", ""]
+    assert lines.index("z") - 1 - 4 == TABLE_LINES
+    assert lines[-1] == "More with --json: 13 of 30 rows, later, x."
+    assert lines.count("It is so.") == 1
+    assert "29" in "\n".join(replace(answer, whole=True).text(80)).split()
 
 
 @pytest.mark.parametrize("grouped", [False, True])

@@ -164,7 +164,7 @@ def test_a_flight_that_fails_says_why_and_the_page_goes_on(browser, page):
         set_value(tab, "plant.airframe.mass_factor", 3.0)
         tab.until(f"/no trim: .*it would stall/.test({VERDICT})", PATIENCE_S)
         set_value(tab, "plant.airframe.mass_factor", 1.0)
-        tab.until(f"/Claim met/.test({VERDICT})", PATIENCE_S)
+        tab.until(f"/requirements? met/.test({VERDICT})", PATIENCE_S)
 
 
 def test_a_value_that_is_refused_says_why_and_the_page_goes_on(browser, page):

@@ -137,7 +137,7 @@ def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
 def test_flights_need_no_folder_for_a_page(flown_paper, tmp_path):
     written = ft.report(flown_paper, tmp_path / "page.html")
 
-    assert written.summary[0].startswith("Claim met: ")
+    assert written.summary[0].startswith("8 of 8 requirements met")
     with pytest.raises(ft.InputError, match="`changes` must be absent"):
         ft.report(flown_paper, tmp_path / "page.html", changes={"seed": 2})
 
