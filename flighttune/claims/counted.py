@@ -79,6 +79,11 @@ class BandFlights:
         return [name for name, digest in self.aircraft.items() if files_hash(name) != digest]
 
     @property
+    def navigated(self) -> bool:
+        """Whether flights along a route have errors of navigation."""
+        return self.over == "along" and self.central.navigation is not None
+
+    @property
     def route(self) -> PlannedRoute:
         """The flown route; InputError without a route, or if an aircraft has changed."""
         if self.changed:
@@ -127,6 +132,9 @@ class Counted(Answering):
     flights: BandFlights
     extremes: Extremes
     wind: FloatArray
+    # (flights, 2) along a route, else (flights, 0): largest errors of navigation beside it and in
+    # height, m
+    navigation: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     endings: Sequence[Mapping[str, Any]] = ()
     compiled: CompiledFlights = field(default_factory=CompiledFlights)
     scores: FloatArray = field(init=False)
@@ -144,6 +152,8 @@ class Counted(Answering):
             raise InputError(
                 f"`about.of` must be {self.of} of a {type(self).__name__}, got {about.of}."
             )
+        if not self.navigation.shape[1]:
+            object.__setattr__(self, "navigation", np.zeros((len(self.extremes), 0)))
         scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
         object.__setattr__(self, "scores", scores)
         object.__setattr__(self, "scale", self.ending.scale(scores))
@@ -288,11 +298,16 @@ class Counted(Answering):
         return replace(self, about=replace(self.about, **claim))
 
     def with_flights(
-        self, extremes: Extremes, wind: FloatArray, endings: Sequence[Mapping[str, Any]] = ()
+        self,
+        extremes: Extremes,
+        wind: FloatArray,
+        navigation: FloatArray,
+        endings: Sequence[Mapping[str, Any]] = (),
     ) -> Self:
         """The count continued with more flights."""
-        kept = np.concatenate([self.extremes, extremes]), np.concatenate([self.wind, wind])
-        return replace(self, extremes=kept[0], wind=kept[1], endings=[*self.endings, *endings])
+        more = {"extremes": extremes, "wind": wind, "navigation": navigation}
+        kept = {name: np.concatenate([getattr(self, name), x]) for name, x in more.items()}
+        return replace(self, **kept, endings=[*self.endings, *endings])
 
     def _ends(self, wind: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds in this wind, (1, 2) or (1, 0), shape (windows, signals) each."""
@@ -304,7 +319,7 @@ class Counted(Answering):
     def sha256(self) -> str:
         """Hash of its file's content, independent of compression."""
         digest = hashlib.sha256(json.dumps(tables_of(self.about), sort_keys=True).encode())
-        for array in (self.extremes, self.wind):
+        for array in (self.extremes, self.wind, self.navigation):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
@@ -313,6 +328,8 @@ class Counted(Answering):
         # First, because its `format` identifies the file.
         arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
         arrays |= {"extremes": self.extremes, "wind": self.wind}
+        if self.navigation.shape[1]:
+            arrays["navigation"] = self.navigation
         if self.compiled != CompiledFlights():
             arrays[COMPILED] = np.array(self.compiled.text)
         if self.endings:

@@ -18,7 +18,7 @@ from flighttune.claims.ending import Ending
 from flighttune.claims.shape import MAX_NUMBERS
 
 ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT}
-ARRAYS |= {"endings": array.TEXT, COMPILED: array.TEXT}
+ARRAYS |= {"navigation": array.FLOAT, "endings": array.TEXT, COMPILED: array.TEXT}
 
 
 def load_counted(path: str | Path) -> Counted:
@@ -97,6 +97,8 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     learned = {"half": about.half, "coefficients": about.coefficients}
     shapes = {"half": each, "coefficients": (10 if by_wind else 1, *each)}
     shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
+    if "navigation" in arrays:  # not in files of 0.4.0
+        shapes["navigation"] = flights, 2 * of.navigated
     array.check_shapes("band", learned | arrays, shapes)
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")

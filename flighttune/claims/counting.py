@@ -3,8 +3,9 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
-from typing import Literal, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -25,7 +26,9 @@ from flighttune.claims.about import About
 from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted, axis_of, wind_at_start
 from flighttune.claims.ending import Ending
+from flighttune.claims.known import navigation_errors_of
 from flighttune.claims.measured import SAME, Measured
+from flighttune.claims.unfinished import Unfinished, written_at
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 
@@ -37,17 +40,21 @@ ROUNDING = 1e-9
 
 C = TypeVar("C", bound=Counted)
 
+# Extremes, wind and navigation of some flights, as `Kept` has them.
+Numbers: TypeAlias = tuple[shapes.Extremes, FloatArray, FloatArray]
+
 # Extremes of a signal of a flight that is outside every band.
 LOST = [-np.inf, np.inf]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kept:
-    """Numbers that a worker keeps of a completed flight: extremes by window, then wind."""
+    """Numbers that a worker keeps of a completed flight: extremes, wind, and navigation."""
 
     measured: Measured
     edges: FloatArray  # edges of the windows, s or m
     windy: bool  # whether the band uses the wind at the start
+    navigated: bool = False  # whether flights along a route have errors of navigation
     anywhere: bool = False  # whether learning flights are exempt from `lost`
 
     @property
@@ -58,12 +65,13 @@ class Kept:
     @property
     def lost(self) -> list[float]:
         """The numbers of a flight that was not completed."""
-        return LOST * (math.prod(self.shape) // 2) + [0.0, 0.0] * self.windy
+        return LOST * (math.prod(self.shape) // 2) + [0.0, 0.0] * (self.windy + self.navigated)
 
-    def parts(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Extremes and wind from the numbers of flights, shape (flights, numbers)."""
-        extremes, wind = np.split(numbers, [math.prod(self.shape)], axis=1)
-        return extremes.reshape(-1, *self.shape), wind
+    def parts(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Extremes, wind and navigation from the numbers of flights, shape (flights, numbers)."""
+        ends = np.cumsum([math.prod(self.shape), 2 * self.windy])
+        extremes, wind, navigation = np.split(numbers, ends, axis=1)
+        return extremes.reshape(-1, *self.shape), wind, navigation
 
     def __call__(self, run: Run, scenario: Scenario) -> list[float]:
         """The numbers of a run."""
@@ -75,7 +83,9 @@ class Kept:
         values = np.ravel(shapes.window_extremes(flown, samples)).tolist()
         if not self.anywhere and self.measured.lost(run, scenario):
             values = LOST * (len(values) // 2)
-        return [*values, *wind_at_start(scenario)] if self.windy else values
+        if self.windy:
+            values = [*values, *wind_at_start(scenario)]
+        return [*values, *navigation_errors_of(run)] if self.navigated else values
 
 
 def drawn(
@@ -105,6 +115,7 @@ def counted_on(
     signals: Iterable[str] | None = None,
     predicted_from: Literal["wind"] | None = None,
     certain: Callable[[C], bool] | None = None,
+    unfinished: Unfinished | None = None,
     fliers: Fliers,
 ) -> C:
     """A count of the flights of a plan; it ends sooner if the answer is `certain`."""
@@ -128,25 +139,55 @@ def counted_on(
     with WorkerPool(fliers) as pool:
         pool.progress.budget = learn + ending.expected(0)
         measured = measured.taught(pool, plan, learn)
-        kept = Kept(measured=measured, edges=flights.edges, windy=predicted_from is not None)
+        kept = Kept(
+            measured=measured,
+            edges=flights.edges,
+            windy=predicted_from is not None,
+            navigated=flights.navigated,
+        )
         coefficients, half = _learned(pool, plan, about, kept)
         learned = {"coefficients": coefficients, "half": half, "models": measured.models}
         counted = kind(
             about=replace(about, **learned),
             flights=replace(flights, measured=measured),
             extremes=np.zeros((0, *shape, 2), np.float32),
-            wind=np.zeros((0, 2 if predicted_from else 0)),
+            wind=np.zeros((0, 2 * kept.windy)),
+            navigation=np.zeros((0, 2 * kept.navigated)),
         )
-        looks = ending.looks() if certain else []
-        for begin, end in pairwise([0, *looks, ending.flights]):
-            pool.progress.budget = learn + ending.expected(begin)
-            runs = range(learn + begin, learn + end)
-            counted = counted.with_flights(*_flown(pool, plan, kept, runs))
-            if certain is not None and certain(counted):
-                break
+        counted = replace(counted, compiled=pool.progress.compiled)
+        if unfinished is not None:
+            counted = unfinished.begun(counted, pool.observer)
+        counted = _counted(counted, pool, partial(_flown, pool, plan, kept), certain, unfinished)
         _check_deciding(counted, pool)
-    endings = [x for x in pool.progress.endings if x["run"] >= learn]
-    return replace(counted, endings=endings, compiled=pool.progress.compiled)
+    return replace(counted, compiled=pool.progress.compiled)
+
+
+def _counted(
+    counted: C,
+    pool: WorkerPool,
+    flown: Callable[[Sequence[int]], Numbers],
+    certain: Callable[[C], bool] | None,
+    unfinished: Unfinished | None,
+) -> C:
+    """A count that goes on to its end, with the numbers of each run by `flown`."""
+    ending, learned, begun = counted.ending, counted.about.learned, len(counted.scores)
+    looks = ending.looks() if certain else []
+    writes = written_at(ending.flights) if unfinished else []
+    pool.progress.compiled, pool.progress.endings = counted.compiled, [*counted.endings]
+    stops = sorted({*looks, *writes, ending.flights})
+    for begin, end in pairwise([begun, *(n for n in stops if n > begun)]):
+        pool.progress.budget = pool.progress.flown + ending.expected(begin) - begin
+        numbers = flown(range(learned + begin, learned + end))
+        counted = replace(
+            counted.with_flights(*numbers),
+            endings=sorted(pool.progress.endings, key=lambda x: x["run"]),
+            compiled=pool.progress.compiled,
+        )
+        if certain is not None and end in looks and certain(counted):
+            break
+        if unfinished is not None and end in writes:
+            unfinished.write(counted)
+    return counted
 
 
 def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
@@ -190,7 +231,7 @@ def _learned(
     flown = _flown(pool, plan, replace(kept, anywhere=True), draws, "learning")
     epsilon, _ = about.planned or (about.epsilon, about.confidence)
     try:
-        coefficients, half = shapes.learned_shape(*flown, epsilon)
+        coefficients, half = shapes.learned_shape(*flown[:2], epsilon)
     except InputError as error:
         raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
     return coefficients, half * kept.measured.room
@@ -232,8 +273,12 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
 
 def kept_of(band: Counted) -> Kept:
     """The numbers to keep from the flights of a count."""
-    windy = band.about.predicted_from is not None
-    return Kept(measured=band.measured, edges=band.flights.edges, windy=windy)
+    return Kept(
+        measured=band.measured,
+        edges=band.flights.edges,
+        windy=band.about.predicted_from is not None,
+        navigated=bool(band.navigation.shape[1]),
+    )
 
 
 def check_shape(band: Counted, pool: WorkerPool) -> None:
@@ -269,30 +314,32 @@ def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int
     """The counted draws, in rising order, whose repetition differs in any bit."""
     chosen = np.searchsorted(band.draws, draws)
     plan = counted_flights.plan_of(band)
-    again, wind = _flown(pool, plan, kept_of(band), draws, "counting again")
+    again, *others = _flown(pool, plan, kept_of(band), draws, "counting again")
     differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
-    differ |= (wind != band.wind[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
+    for other, counted in zip(others, (band.wind, band.navigation), strict=True):
+        differ |= (other != counted[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
     return [draw for draw, other in zip(draws, differ, strict=True) if other]
 
 
 def score(kept: Kept, about: About, run: Run, scenario: Scenario) -> float:
     """Smallest scale at which a flight is inside a band."""
-    extremes, wind = kept.parts(np.array([kept(run, scenario)]))
+    extremes, wind, _ = kept.parts(np.array([kept(run, scenario)]))
     return float(shapes.scores_of(extremes, wind, about.coefficients, about.half)[0])
 
 
 def _flown(
     pool: WorkerPool, plan: Plan, kept: Kept, runs: Sequence[int], doing: str = "counting"
-) -> tuple[shapes.Extremes, FloatArray]:
-    """Extremes of some runs, and their wind if the band uses it."""
-    extremes, winds = [], []
+) -> Numbers:
+    """The numbers of some runs."""
+    extremes, others = [], []
     parts = range(0, len(runs), shapes.PART)
     for number, first in enumerate(parts, 1):
         phase = f"{doing}{f', part {number} of {len(parts)}' if len(parts) > 1 else ''}"
         part, probes = runs[first : first + shapes.PART], {"extremes": kept}
         rows = pool.in_order(plan, part, doing=phase, probes=probes)
         values = np.array([row.get("extremes", kept.lost) for row in rows])
-        some, wind = kept.parts(values)
+        some, *other = kept.parts(values)
         extremes.append(some.astype(np.float32))
-        winds.append(wind)
-    return np.concatenate(extremes), np.concatenate(winds)
+        others.append(other)
+    wind, navigation = map(np.concatenate, zip(*others, strict=True))
+    return np.concatenate(extremes), wind, navigation

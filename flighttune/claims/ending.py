@@ -13,9 +13,9 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.words import at_most, number
 from flighttune.campaigns.statistics.count import (
     LOOK,
+    OUTSIDE,
     allowed_outside,
     counted_scale,
-    flights_in_two_steps,
     fresh_flights,
     supported_epsilon,
     sure,
@@ -106,9 +106,11 @@ class Ending(ABC):
         return Fixed(flights=flights, early=about.early, **rule)
 
     @classmethod
-    def enough(cls, flights: int | None, epsilon: float, confidence: float) -> Self:
-        """End after `flights`, by default the number from `fresh_flights`."""
-        flights = fresh_flights(flights, epsilon, confidence)
+    def enough(
+        cls, flights: int | None, epsilon: float, confidence: float, *, outside: int = OUTSIDE
+    ) -> Self:
+        """End after `flights`, by default the smallest number of which `outside` may be outside."""
+        flights = fresh_flights(flights, epsilon, confidence, outside=outside)
         return cls(flights=flights, epsilon=epsilon, confidence=confidence)
 
     @property
@@ -165,16 +167,11 @@ class Ending(ABC):
 class Fixed(Ending):
     """End after the planned flights, or as soon as too many are outside.
 
-    In two steps it also ends after the first `early` flights, if none of them is outside.
+    In two steps, as in missions of 0.4.0, it also ends after the first `early` flights, if none of
+    them is outside.
     """
 
     early: int = 0  # 0: one step
-
-    @classmethod
-    def in_two_steps(cls, epsilon: float, confidence: float) -> Self:
-        """The smallest count in two steps: none may be outside in the first, one in the second."""
-        early, flights = flights_in_two_steps(epsilon, confidence)
-        return cls(flights=flights, epsilon=epsilon, confidence=confidence, early=early)
 
     @property
     def stated(self) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
 from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
 from flighttune.claims.turn_back import TurnBack
+from flighttune.claims.unfinished import Unfinished
 from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
@@ -33,10 +34,13 @@ from flighttune.routes import maps
 from flighttune.routes.fence import Fence, fence_tables, own_fence, read_fence
 
 # Default epsilon, confidence and number of learning flights.
-EPSILON, CONFIDENCE, LEARN = 0.05, 0.95, 15
+EPSILON, CONFIDENCE, LEARN = 0.01, 0.95, 30
 
 # Number of learning flights that turn back.
 LEARN_TURNS = 60
+
+# Default number of flights that may lie outside, so that no single one decides the corridor.
+OUTSIDE = 2
 
 # Trial factors, in this order, on the airspeed and the wind for planned turns, with which flights
 # that ended early are repeated.
@@ -122,12 +126,13 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
+    resume: bool = False,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
     **by: Unpack[FlownBy],
 ) -> MissionOdds:
     """Count whether a mission stays inside its fence, and the room to turn back.
 
-    Its flights are drawn, and their corridor is counted like a `band`, learned from 15 flights.
+    Its flights are drawn, and their corridor is counted like a `band`, learned from 30 flights.
 
     Parameters
     ----------
@@ -142,17 +147,17 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         this bank, or by a whole turn with ``circle:BANK``. Each rolls in 1 s after it detects that
         it must turn.
     epsilon : float, 1, optional
-        Accepted probability of each claim, by default 0.05, or the file's.
+        Accepted probability of each claim, by default 0.01, or the file's.
     confidence : float, 1, optional
         Confidence of all claims together, 0 to 1, by default 0.95, or the file's.
     flights : int, optional
-        Flights to count. By default the count ends after 78 (with a fence) if none is outside, else
-        after 126, of which one may be outside. It ends sooner if a no is certain.
+        Flights to count, by default enough for the claim with two of them outside (720 with a
+        fence). The count ends sooner if a no is certain.
     until_sure : bool
         Count until it is sure whether a flight leaves the fence with a probability of at most
         epsilon, by a rule that is valid at any number of flights. It plans no number and no
-        corridor: a clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
-        default 208.
+        corridor: a clear yes takes 420 flights, a clear no 12. At most `flights` are flown, by
+        default 1049.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default
         aerosonde.
@@ -168,7 +173,9 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         source, else along a route a standard receiver and inertial unit.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
-        beside it.
+        beside it, and from 250 flights on those counted so far, as ``OUT-unfinished.npz``.
+    resume : bool
+        Go on with the flights of a count that was ended before it had all of them.
     seed, changes, run_code, workers, scheduler, observer : as for `band`
 
     Returns
@@ -195,6 +202,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     counted, written = counting.kept_band(source), None if out is None else Path(out)
     if counted is None:
+        if resume and written is None:
+            raise InputError("`resume` must be with `out`, beside which flights are kept.")
         file = written
         flown = _NewFlights(
             source=source,
@@ -203,10 +212,11 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             seed=seed,
             flights=flights,
             until_sure=until_sure,
+            unfinished=None if file is None else Unfinished.beside(file, resume=resume),
         )
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
-        _check_absent({**of_flights, **own_count, "navigation": navigation})
+        _check_absent({**of_flights, **own_count, "navigation": navigation, "resume": resume})
         check_off_route(counted.about.signals, counted.flights.over)
         file = Path(source) if isinstance(source, str | Path) else written
         flown = _CountedFlights(band=counted)
@@ -245,7 +255,7 @@ def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> Tur
     return counting.counted_on(
         TurnBack,
         turning,
-        Fixed.in_two_steps(*claim),
+        Fixed.enough(None, *claim, outside=OUTSIDE),
         place=place,
         learn=LEARN_TURNS,
         certain=lambda turns: turns.decided,
@@ -263,6 +273,7 @@ class _NewFlights:
     seed: int | None
     flights: int | None  # number to count
     until_sure: bool
+    unfinished: Unfinished | None = None
 
     @cached_property
     def stated(self) -> Flights:
@@ -295,12 +306,10 @@ class _NewFlights:
         return EPSILON if epsilon is None else epsilon, each_of(claims, confidence)
 
     def ending(self, claim: Odds) -> Ending:
-        """The rule that ends the count: when sure, after a number, or by default in two steps."""
+        """The rule that ends the count: when sure, or after a number of flights."""
         if self.until_sure:
             return AnyTime.enough(self.flights, *claim)
-        if self.flights is not None:
-            return Fixed.enough(self.flights, *claim)
-        return Fixed.in_two_steps(*claim)
+        return Fixed.enough(self.flights, *claim, outside=OUTSIDE)
 
     def check_path(
         self, claim: Odds, areas: dict[str, Any], fence: Path, terrain: str | Path | None
@@ -326,6 +335,7 @@ class _NewFlights:
             place=self.place,
             learn=LEARN,
             certain=lambda band: (band.with_fence(areas) if areas else band).decided,
+            unfinished=self.unfinished,
             fliers=fliers,
         )
 
@@ -338,6 +348,8 @@ class _NewFlights:
                 remove_file(volumes)
         keep_on_error(file)
         band.save(file)
+        if self.unfinished is not None:
+            self.unfinished.remove()
 
     def way_to_complete(self, band: Band, fliers: Fliers) -> str:
         """A sentence on a change that lets the flights that ended early complete; else empty."""

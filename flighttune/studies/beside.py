@@ -26,7 +26,6 @@ from flighttune.campaigns.statistics.count import allowed_outside, flights_neede
 from flighttune.campaigns.statistics.findings import findings_of
 from flighttune.campaigns.statistics.intervals import paired, rate_interval, scores
 from flighttune.claims import counted_flights, counting
-from flighttune.claims.mission import CONFIDENCE, EPSILON
 from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
 from flighttune.control.law import made_law
 from flighttune.control.limits import Limits
@@ -42,6 +41,9 @@ from flighttune.logs.parameters import Flown, flown_now
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.items import SETS_AIRSPEED
 from flighttune.routes.mission import ROUTE_FILES
+
+# Epsilon and confidence of the bounds on errors.
+EPSILON, CONFIDENCE = 0.05, 0.95
 
 # Cuts of the loops.
 CUT = "roll", "lift"

@@ -12,6 +12,7 @@ from scipy.stats import binom, binomtest
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
 from flighttune.claims import counting
+from flighttune.claims.mission import LEARN
 from flighttune.outputs.answers.band import summary
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
@@ -139,8 +140,8 @@ def made_up_flights(monkeypatch, lost_every):
         if doing == "counting":
             counted.extend(runs)
             if lost_every:
-                extremes[(np.array(runs) - 15) % lost_every == 0] = [-np.inf, np.inf]
-        return extremes, np.zeros((len(runs), 0))
+                extremes[(np.array(runs) - LEARN) % lost_every == 0] = [-np.inf, np.inf]
+        return extremes, np.zeros((len(runs), 0)), np.zeros((len(runs), 2 * kept.navigated))
 
     monkeypatch.setattr("flighttune.claims.counting._flown", flown)
     monkeypatch.setenv(JSBSIM, "1")  # flown again, they would be others
@@ -148,24 +149,24 @@ def made_up_flights(monkeypatch, lost_every):
 
 
 def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch):
-    """One in four does not complete, and of 105 flights one may be outside."""
+    """One in four does not complete, and of 628 flights two may be outside."""
     counted = made_up_flights(monkeypatch, lost_every=4)
     short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
     said = ft.mission("circuit_in_wind", changes=short, workers=1).answer()
 
     assert len(counted) == 24
     assert said.summary[0].startswith("No: of 24 flights 6 did not complete")
-    assert "at most 1 of 105 may" in said.summary[0]
-    assert "the count ended after 24 of 105 flights" in said.failure
+    assert "at most 2 of 628 may" in said.summary[0]
+    assert "the count ended after 24 of 628 flights" in said.failure
 
 
 @pytest.mark.parametrize(
-    ("lost_every", "flights", "outside"),
-    # 0.95^66 is below 0.05; in a larger count the first may be lost, or the first and the 51st
-    [(None, 66, 0), (1000, 105, 1), (50, 66, None)],
+    ("lost_every", "flights", "lost"),
+    # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
+    [(None, 628, 0), (400, 628, 2), (300, 628, None), (50, 192, None)],
 )
-def test_a_count_ends_where_none_is_outside_and_goes_on_where_one_is(
-    tmp_path, monkeypatch, lost_every, flights, outside
+def test_the_third_largest_of_all_flights_decides_the_corridor(
+    tmp_path, monkeypatch, lost_every, flights, lost
 ):
     counted, out = made_up_flights(monkeypatch, lost_every), tmp_path / "m.npz"
     short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
@@ -173,24 +174,25 @@ def test_a_count_ends_where_none_is_outside_and_goes_on_where_one_is(
     band, said = ft.load(out), odds.answer()
 
     assert len(counted) == len(band.scores) == flights
-    assert said.summary[0].startswith("No: " if outside is None else "Yes: ")
+    assert said.summary[0].startswith("No: " if lost is None else "Yes: ")
     assert band.sentence == odds.band.sentence
-    if outside is not None:  # the largest score of those that may be inside
-        scores = np.sort(band.scores)
-        assert (band.scale, band.confidence) == (scores[-1 - outside], pytest.approx(0.95))
-        assert f"confidence of 0.95 for all that is said here: {outside} of" in said.summary[1]
-        longer = replace(band, about=replace(band.about, early=flights + 39))
+    if lost is not None:
+        assert (band.scale, band.outside) == (np.sort(band.scores)[-3], 2)
+        assert (band.not_completed, band.confidence) == (lost, pytest.approx(0.95))
+        assert "confidence of 0.95 for all that is said here: 2 of" in said.summary[1]
+        longer = replace(band, about=replace(band.about, early=flights))
         longer.save(out)
         with pytest.raises(ft.InputError, match="`early` must be below"):
             ft.load(out)
 
 
-@pytest.mark.slow
-def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkeypatch):
+def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
     """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
     made_up_flights(monkeypatch, None)
     file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    band = ft.mission(file, workers=1).band
+    band = ft.mission(file, epsilon=0.05, flights=126, workers=1).band
+    first = {name: getattr(band, name)[:78] for name in ("extremes", "wind", "navigation")}
+    band = replace(band, about=replace(band.about, early=78), **first)
     early = band.inside(band.about.fences[0])
     assert (early.outside, early.supported) == (0, True)
     assert early.epsilon == pytest.approx(1.0 - 0.025 ** (1 / 78), rel=1e-6)
@@ -199,7 +201,6 @@ def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkey
     extremes[3, 0, 0] = [-5000.0, 5000.0]
     left = replace(band, extremes=extremes)
     left.save(out)
-    assert len(band.scores) == 78
     whether = ft.mission(out).answer().summary[0]
     assert whether.startswith("Not known: 78 of 126 flights were flown; `flighttune band FILE")
 
@@ -230,7 +231,7 @@ def test_a_fence_is_answered_as_soon_as_it_is_sure(
 ):
     made_up_flights(monkeypatch, lost_every)
     file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    odds = ft.mission(file, until_sure=True, out=out, workers=1)
+    odds = ft.mission(file, epsilon=0.05, until_sure=True, out=out, workers=1)
     answer, band = odds.answer(), ft.load(out)
 
     assert (len(band.scores), band.confidence) == (flights, pytest.approx(0.95))
@@ -241,8 +242,9 @@ def test_a_fence_is_answered_as_soon_as_it_is_sure(
     assert ("confidence 0.95 at any number of flights" in sentence) == (flights < 208)
     assert bool(answer.failure) == (lost_every is not None)
     if flights == 84:  # one flight fewer of the same was not sure, of 208 planned
-        replace(band, extremes=band.extremes[:72], wind=band.wind[:72]).save(out)
-        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 87, .*no answer"):
+        first = {x: getattr(band, x)[:72] for x in ("extremes", "wind", "navigation")}
+        replace(band, **first).save(out)
+        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 102, .*no answer"):
             ft.load(out)
         with pytest.raises(ft.InputError, match=r"`until_sure` .* a band"):
             ft.mission(band, until_sure=True)
@@ -289,7 +291,8 @@ def test_a_change_is_said_with_which_all_flights_that_ended_early_complete(
     flown = counting._flown
 
     def with_endings(pool, *args, **options):
-        ended = [{"run": run, "status": "stall", "reason": "slow"} for run in (15, 19)]
+        lost = LEARN, LEARN + 4
+        ended = [{"run": run, "status": "stall", "reason": "slow"} for run in lost]
         pool.progress.endings[:] = ended
         return flown(pool, *args, **options)
 

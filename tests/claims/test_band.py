@@ -191,8 +191,8 @@ def test_a_file_keeps_why_flights_did_not_complete_and_no_other_draws(counted, t
 def test_flights_that_did_not_complete_count(walks, counted):
     lost = np.broadcast_to(np.float32([-np.inf, np.inf]), (2, *counted.extremes.shape[1:]))
 
-    once = counted.with_flights(lost[:1], np.zeros((1, 0)))
-    none = counted.with_flights(lost, np.zeros((2, 0)))
+    once = counted.with_flights(lost[:1], *[np.zeros((1, 0))] * 2)
+    none = counted.with_flights(lost, *[np.zeros((2, 0))] * 2)
 
     assert once.scale < np.inf
     assert (once.outside, once.not_completed) == (1, 1)
@@ -205,9 +205,9 @@ def test_flights_that_did_not_complete_count(walks, counted):
 
 
 def test_each_reading_of_a_growing_count_spends_its_part_of_the_confidence(walks, counted):
-    more = extremes_of(random_flights(93, np.random.default_rng(7))), np.zeros((93, 0))
+    more = extremes_of(random_flights(93, np.random.default_rng(7)))
 
-    twice = counted.with_flights(*more)
+    twice = counted.with_flights(more, *[np.zeros((93, 0))] * 2)
     fenced = twice.with_fence({"some": "fence"})
 
     confidences = [band.confidence for band in (counted, twice, fenced)]

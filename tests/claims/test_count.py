@@ -9,6 +9,8 @@ from scipy.stats import binom, binomtest, hypergeom
 
 import flighttune as ft
 from flighttune.campaigns.statistics import count
+from flighttune.claims.ending import Fixed
+from flighttune.claims.mission import CONFIDENCE, EPSILON, OUTSIDE
 
 
 def test_sample_sizes_are_the_published_ones():
@@ -38,7 +40,6 @@ def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
     false = at[(k == 0) | (k + later <= 1)].sum()
 
     assert false <= 0.025 < false + at[1, 0]
-    assert count.flights_in_two_steps(0.05, 0.975) == (78, 126)
     assert count.allowed_outside(126, 0.05, 0.975, early=78) == 1
     assert count.allowed_outside(125, 0.05, 0.975, early=78) == 0
     assert count.allowed_outside(78, 0.05, 0.975, early=78) == 0
@@ -49,6 +50,24 @@ def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
     assert count.allowed_outside(126, epsilon * 1.0001, 0.975, early=78) == 1
     assert count.allowed_outside(126, epsilon * 0.9999, 0.975, early=78) == 0
     assert count.supported_epsilon(0, 78, 0.975, early=78) == pytest.approx(1.0 - 0.025 ** (1 / 78))
+
+
+@pytest.mark.parametrize(("claims", "flights"), [(1, 628), (2, 720), (3, 773)])
+def test_a_mission_counts_the_fewest_flights_of_which_two_may_be_outside(claims, flights):
+    """1 % at 0.95 for all claims: own sums of the binomial distribution, also printed as help."""
+    share = 0.05 / claims
+    ending = Fixed.enough(None, EPSILON, 1.0 - share, outside=OUTSIDE)
+
+    assert (EPSILON, CONFIDENCE, ending.flights) == (0.01, 0.95, flights)
+    assert binom.cdf(2, flights, 0.01) <= share < binom.cdf(2, flights - 1, 0.01)
+    assert ending.allowed(flights) == 2
+    for outside in range(3):
+        supported = ending.supported(outside, flights).epsilon
+        assert binom.cdf(outside, flights, supported) == pytest.approx(share, rel=1e-6)
+    # Scores are uniform: of many counts as few are false as their share of the confidence says.
+    scores = np.random.default_rng(claims).random((4000, flights))
+    false = np.mean([1.0 - ending.scale(own) > 0.01 for own in scores])
+    assert false == pytest.approx(share, abs=4.0 * np.sqrt(share / 4000))
 
 
 def test_flights_that_were_not_completed_count():
@@ -142,13 +161,13 @@ def test_a_yes_with_none_outside_takes_82_flights():
 
 
 @pytest.mark.parametrize(("share", "answer"), [(0, "yes"), (1, "no")])
-@pytest.mark.parametrize("verb", [ft.mission, ft.meet])
+@pytest.mark.parametrize(("verb", "epsilon"), [(ft.mission, 0.01), (ft.meet, 0.05)])
 def test_verbs_that_count_until_sure_say_after_how_many_looks_a_clear_answer_comes(
-    verb, share, answer
+    verb, epsilon, share, answer
 ):
     """Own likelihood ratios at every 12th flight, against the bound of Ville, 2 / 0.05."""
-    epsilon, q = 0.05, np.linspace(0.0, 1.0, 200_001)[1:]
-    for n in range(12, 200, 12):
+    q = np.linspace(0.0, 1.0, 200_001)[1:]
+    for n in range(12, 600, 12):
         ratio = ((q / epsilon) if share else (1.0 - q) / (1.0 - epsilon)) ** n
         at_zero = 0.5 * (1.0 - epsilon) ** -n
         within = (q > epsilon) if share else (q <= epsilon)

@@ -178,7 +178,7 @@ def together(folder: str | Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def apart() -> Iterator[None]:
-    """Write the files of the block at once, not with an answer: the block reads them back."""
+    """Write the files of the block at once, not with an answer: they are read before it ends."""
     token = _ANSWER.set(None)
     try:
         yield

@@ -22,9 +22,6 @@ OUTSIDE = 5
 # Largest probability, relative to epsilon, in the evidence for a no.
 WIDEST = 20.0
 
-# Maximum flights of a two-step count, relative to a count in one step.
-LONGER = 1.15
-
 # An any-time count is checked after each of this number of flights.
 LOOK = 12
 
@@ -79,22 +76,12 @@ def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: i
     return bisect_left(range(most), outside, lo=least, key=allowed)
 
 
-def flights_in_two_steps(epsilon: float, confidence: float) -> tuple[int, int]:
-    """The two sample sizes of a two-step count: the first allows no flight outside, the second one.
-
-    The first number is the smallest for which the second is at most `LONGER` times the flights of a
-    count in one step. If one of 1000 flights is outside, both counts say yes about equally often.
-    """
-    most = int(LONGER * flights_needed(epsilon, confidence, 1))
-    first = range(flights_needed(epsilon, confidence), most)
-    early = next(n for n in first if allowed_outside(most, epsilon, confidence, n) >= 1)
-    return early, flights_needed(epsilon, confidence, 1, early)
-
-
-def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int:
-    """Number of flights to count, by default the smallest that allows `OUTSIDE` flights outside."""
+def fresh_flights(
+    flights: int | None, epsilon: float, confidence: float, *, outside: int = OUTSIDE
+) -> int:
+    """Number of flights to count, by default the smallest that allows this number `outside`."""
     if flights is None:
-        return flights_needed(epsilon, confidence, OUTSIDE)
+        return flights_needed(epsilon, confidence, outside)
     if allowed_outside(flights, epsilon, confidence) < 0:
         raise InputError(
             f"`flights` must be at least {flights_needed(epsilon, confidence)} for `epsilon` "

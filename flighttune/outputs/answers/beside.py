@@ -7,12 +7,11 @@ from typing import Any, TypeAlias
 
 from flighttune.base.words import listed, number, percent
 from flighttune.campaigns.statistics.count import flights_needed
-from flighttune.claims.mission import CONFIDENCE, EPSILON
 from flighttune.control.margins import Margins
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import margins_table
-from flighttune.studies.beside import CUT, OURS, YOURS, Beside, our_rate_gains
+from flighttune.studies.beside import CONFIDENCE, CUT, EPSILON, OURS, YOURS, Beside, our_rate_gains
 
 Rows: TypeAlias = Sequence[Mapping[str, Any]]
 

@@ -1,0 +1,73 @@
+"""Counts that take long, written while they are flown, so that a killed command can go on."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from flighttune.base.errors import InputError
+from flighttune.base.files import whole
+from flighttune.base.files.table import tables_of
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.claims.about import About
+from flighttune.claims.counted import BandFlights, Counted
+from flighttune.claims.counted_file import read_counted
+
+C = TypeVar("C", bound=Counted)
+
+# Flights after which a count is first written. It is written again when it has grown by this
+# share, so that little is lost and writing takes a small part of the time.
+FIRST, GROWN = 250, 0.125
+
+
+def written_at(flights: int) -> list[int]:
+    """Numbers of flights, below the planned number, after which a count is written."""
+    numbers = [FIRST]
+    while numbers[-1] < flights:
+        numbers.append(numbers[-1] + math.ceil(GROWN * numbers[-1]))
+    return numbers[:-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unfinished:
+    """The file of a count that is not finished yet."""
+
+    file: Path
+    resume: bool  # whether a count goes on with the flights in the file
+
+    @classmethod
+    def beside(cls, band: Path, *, resume: bool) -> "Unfinished":
+        """The file of an unfinished count, beside the file that will hold it."""
+        return cls(file=Path(f"{band.with_suffix('')}-unfinished.npz"), resume=resume)
+
+    def begun(self, count: C, observer: CampaignObserver) -> C:
+        """The count with the flights in the file; InputError if they belong to another count."""
+        if not self.file.exists():
+            return count
+        if not self.resume:
+            observer.hear(f"{self.file} has flights of an unfinished count: --resume goes on.")
+            return count
+
+        def flights_of(about: About) -> BandFlights:
+            # The learned shape is part of it, so that other numbers are found as well.
+            if tables_of(about) != tables_of(count.about):
+                raise InputError(
+                    "must be of the count to be resumed, got one of other flights, aircraft or "
+                    "libraries, or with another claim; without --resume it is replaced."
+                )
+            return count.flights
+
+        kept = read_counted(self.file, flights_of)
+        assert isinstance(kept, type(count))  # its kind is in `about`
+        observer.hear(f"{self.file}: {len(kept.scores)} flights are counted already.")
+        return kept
+
+    def write(self, count: Counted) -> None:
+        """Write the flights counted so far, at once even if they are part of an answer."""
+        with whole.apart():
+            count.save(self.file)
+
+    def remove(self) -> None:
+        """Remove the file of a count that is finished."""
+        if self.file.exists():
+            whole.remove_file(self.file)

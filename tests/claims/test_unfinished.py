@@ -1,0 +1,94 @@
+"""Counts that are killed and go on: the same file, to the bit, with fewer flights."""
+
+import signal
+import subprocess
+import sys
+from itertools import pairwise
+
+import pytest
+
+import flighttune as ft
+from flighttune.claims import unfinished
+
+SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 14, "changes": SHORT, "workers": 1}
+LEARNED = 30
+
+# Killed by itself after so many flights; it writes those counted from the fourth on.
+KILLED = f"""
+import os, signal, sys
+import flighttune as ft
+from flighttune.claims import unfinished
+unfinished.FIRST = 4
+class Killed(ft.CampaignObserver):
+    def see(self, progress):
+        if progress.flown >= int(sys.argv[2]):
+            os.kill(os.getpid(), signal.SIGKILL)
+ft.mission("circuit_in_wind", out=sys.argv[1], observer=Killed(), **{FEW!r})
+"""
+
+
+class Seen(ft.CampaignObserver):
+    """Keeps what is said, and the number of flights."""
+
+    def __init__(self):
+        self.said, self.flown = [], 0
+
+    def see(self, progress):
+        self.flown = progress.flown
+
+    def hear(self, sentence):
+        self.said.append(sentence)
+
+
+def killed(out, flown):
+    """A count that is killed after so many flights; the file of those that are kept."""
+    done = subprocess.run([sys.executable, "-c", KILLED, out, str(flown)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert not out.exists()
+    return out.with_name(f"{out.stem}-unfinished.npz")
+
+
+@pytest.mark.slow
+def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(tmp_path):
+    whole, out, seen = tmp_path / "whole.npz", tmp_path / "killed.npz", Seen()
+    ft.mission("circuit_in_wind", out=whole, **FEW)
+
+    kept = killed(out, LEARNED + 9)
+    ft.mission("circuit_in_wind", out=out, resume=True, observer=seen, **FEW)
+
+    # kept after 4, 5, ... 9 flights
+    assert seen.said == [f"{kept}: 9 flights are counted already."]
+    assert out.read_bytes() == whole.read_bytes()
+    assert not kept.exists()
+    # learned again, and the 5 others; those that decide are flown by JSBSim too
+    again = ft.load(out).compiled.flown_again
+    assert LEARNED + 5 <= seen.flown <= LEARNED + 5 + again
+
+
+@pytest.mark.slow
+def test_an_unfinished_count_of_other_flights_or_another_claim_is_refused(tmp_path):
+    out, seen = tmp_path / "killed.npz", Seen()
+    kept = killed(out, LEARNED + 6)
+
+    for other in ({"seed": 7}, {"epsilon": 0.25}, {"navigation": "exact"}):
+        with pytest.raises(ft.InputError, match="must be of the count to be resumed"):
+            ft.mission("circuit_in_wind", out=out, resume=True, **{**FEW, **other})
+    ft.mission("circuit_in_wind", out=out, observer=seen, **FEW)
+    assert seen.said == [f"{kept} has flights of an unfinished count: --resume goes on."]
+    assert not kept.exists()
+    with pytest.raises(ft.InputError, match="`resume` must be with `out`"):
+        ft.mission("circuit_in_wind", resume=True, **FEW)
+    with pytest.raises(ft.InputError, match="`resume` must be absent for a band"):
+        ft.mission(out, resume=True)
+
+
+def test_little_of_a_long_count_is_lost_and_little_of_it_is_written():
+    """The numbers kept of a flight are written at most 9 times over; an eighth may be lost."""
+    for flights in (720, 7223, 72245):
+        numbers = unfinished.written_at(flights)
+
+        assert (numbers[0], unfinished.written_at(numbers[0])) == (250, [])
+        assert all(later <= earlier * 1.125 + 1 for earlier, later in pairwise(numbers))
+        assert flights / 1.126 < numbers[-1] < flights
+        assert sum(numbers) < 9 * flights
