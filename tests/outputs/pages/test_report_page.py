@@ -85,7 +85,9 @@ def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(flown_
     assert rows[first.label]["flight"] == "diverged at 0.0 s"
     assert rows[first.label]["requirements"] == "not flown"
     # two bounds of each run
-    assert page.summary[0].endswith("2 met, 0 missed, 2 not flown; 1 of 2 runs ended early.")
+    assert page.summary[0].endswith(
+        "2 of 4 requirements met, 0 missed, 2 not flown; 1 of 2 runs ended early."
+    )
     assert why in page.path.read_text()
 
 
