@@ -36,6 +36,7 @@ SPEAKERS = {
     "LogMonitor": "flighttune.outputs.answers.monitor:answer",
     "Meeting": "flighttune.outputs.answers.meeting:answer",
     "MissionOdds": "flighttune.outputs.answers.mission:answer",
+    "PerHour": "flighttune.outputs.answers.per_hour:answer",
     "PlannedMission": "flighttune.outputs.answers.mission:planned",
     "PlannedRoute": "flighttune.outputs.answers.route:answer",
     "RateBound": "flighttune.outputs.answers.bound:answer",

@@ -71,7 +71,7 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
     if air in INTENSITIES:
         turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
         tables["turbulence"] = {**turbulence, "intensity": air}
-    return _rebuilt(campaign, disperse, scenario_from(tables))
+    return rebuilt(campaign, disperse, scenario_from(tables))
 
 
 def at_random(campaign: Campaign) -> Campaign:
@@ -80,10 +80,10 @@ def at_random(campaign: Campaign) -> Campaign:
         Choice(key=x.key, acts=x.acts, values=x.levels) if isinstance(x, Grid) else x
         for x in campaign.disperse
     ]
-    return _rebuilt(campaign.model_copy(update={"design": "random"}), disperse, campaign.nominal)
+    return rebuilt(campaign.model_copy(update={"design": "random"}), disperse, campaign.nominal)
 
 
-def _rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario) -> Campaign:
+def rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario) -> Campaign:
     """A campaign with other draws and scenario, with the correlations of the remaining keys."""
     keys, design = {table.key for table in disperse}, campaign.design
     if design == "grid" and not any(isinstance(table, Grid) for table in disperse):
@@ -243,7 +243,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     ]
     title = f"{campaign.title}, turning back"
     changed = campaign.model_copy(update={"success": [], "title": title})
-    return replace(plan, campaign=_rebuilt(changed, drawn, scenario_from(tables)))
+    return replace(plan, campaign=rebuilt(changed, drawn, scenario_from(tables)))
 
 
 def _places(planned: route.PlannedRoute, bank_deg: float) -> dict[str, FloatArray]:

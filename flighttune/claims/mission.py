@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, Unpack
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.errors import InfeasibleError, InputError
+from flighttune.base.errors import InfeasibleError, InputError, naming
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, kind_of
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
@@ -25,6 +25,8 @@ from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
 from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
+from flighttune.claims.per_hour import PerHour, Volume, check_rates, count_per_hour
+from flighttune.claims.rates_keys import RatesTable, load_rates
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.unfinished import Unfinished
 from flighttune.flight.route import PlannedRoute, planned_route, route
@@ -71,6 +73,8 @@ class MissionOdds(Answering):
         The file of the terrain, if it was given.
     way : str
         A sentence on a change that lets the flights that ended early complete; else empty.
+    per_hour : PerHour or None
+        Exits per flight hour, if rates of faults were declared.
 
     Examples
     --------
@@ -87,6 +91,15 @@ class MissionOdds(Answering):
     file: Path | None = None
     terrain: str | Path | None = None
     way: str = ""
+    per_hour: PerHour | None = None
+
+    def with_rate(self, per_hour: PerHour) -> "MissionOdds":
+        """The answer with the exits per flight hour, written beside the file of the band."""
+        files = dict(self.files)
+        if self.file is not None:
+            files["per_hour"] = per_hour_beside(self.file)
+            per_hour.save(files["per_hour"])
+        return replace(self, per_hour=per_hour, files=files)
 
     def with_room(self, room: TurnBack) -> "MissionOdds":
         """The answer with the room to turn back, written beside the file of the band."""
@@ -109,12 +122,18 @@ def beside(band: Path) -> tuple[Path, Path]:
     return Path(f"{band.with_suffix('')}-turn-back.npz"), band.with_suffix(".geojson")
 
 
+def per_hour_beside(band: Path) -> Path:
+    """File of the exits per flight hour, beside the band's file."""
+    return Path(f"{band.with_suffix('')}-per-hour.json")
+
+
 @code.flies
 def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Band | Flights | Scenario | Campaign | Plan | str | Path,
     *,
     fences: Sequence[Path | str] = (),
     turn_back: str | float | None = None,
+    rates: RatesTable | str | Path | None = None,
     epsilon: float | None = None,
     confidence: float | None = None,
     flights: int | None = None,
@@ -146,6 +165,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         ground risk buffer. Flights turn back at any place of the route, by 180 deg of course at
         this bank, or by a whole turn with ``circle:BANK``. Each rolls in 1 s after it detects that
         it must turn.
+    rates : RatesTable, str or Path, optional
+        File (.toml) of declared rates of faults per flight hour: each fault is drawn at any time of
+        the flight, and the exits from the fence, or from the contingency volume of `turn_back`, are
+        bounded per flight hour at the `confidence`.
     epsilon : float, 1, optional
         Accepted probability of each claim, by default 0.01, or the file's.
     confidence : float, 1, optional
@@ -225,6 +248,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     # Before any flight, this refuses sources that cannot be counted and paths outside the fence.
     turning = None if turn_back is None else counted_flights.turning_back(flown.plan, turn_back)
     areas, fence = _asked_fence(fences, flown.fences, alone=until_sure, turns=turning is not None)
+    declared = _declared(rates, flown.plan, volume=bool(areas) or turning is not None)
+    hourly = CONFIDENCE if confidence is None else confidence
     claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
     claim = flown.claim(epsilon, confidence, claims)
     flown.check_path(claim, areas, fence, terrain)
@@ -243,11 +268,48 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         way = flown.way_to_complete(band, fliers)
         files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
-        return (
-            odds
-            if turning is None
-            else odds.with_room(_counted_room(turning, flown.place, claim, fliers))
-        )
+        if turning is not None:
+            odds = odds.with_room(_counted_room(turning, flown.place, claim, fliers))
+        if declared is not None:
+            volume = _operational_volume(odds, areas, fence)
+            counted = count_per_hour(flown.plan, declared, volume, confidence=hourly, fliers=fliers)
+            odds = odds.with_rate(counted)
+        return odds
+
+
+def _declared(
+    rates: RatesTable | str | Path | None, plan: Plan, *, volume: bool
+) -> RatesTable | None:
+    """The declared rates, checked against what is flown; InputError without a volume."""
+    if rates is None:
+        return None
+    table = rates if isinstance(rates, RatesTable) else load_rates(rates)
+    with naming("rates" if table is rates else str(rates)):
+        check_rates(plan, table)
+        if not volume:
+            raise InputError(
+                "rates per hour must be with a fence, or with `turn_back` for a contingency "
+                "volume, got no volume to stay in."
+            )
+    return table
+
+
+def _operational_volume(odds: MissionOdds, areas: dict[str, Any], fence: Path) -> Volume:
+    """The fence, else the contingency volume around the route."""
+    where = odds.band.flights.route.where
+    if areas:
+        return Volume.of(read_fence(fence, where[1], areas))
+    if odds.room is None or not (odds.room.claims and odds.band.claims):
+        raise InputError("rates per hour must be with a volume, but none is claimed by its count.")
+    around = odds.room.volumes(odds.band)["contingency volume"]
+    rings = maps.rings_around(where[0], around.width)
+    ground = odds.band.flights.central.flight.ground_m
+    return Volume(
+        rings=tuple(tuple((n, e) for n, e in ring.tolist()) for ring in rings),
+        outside=(False, *(True for _ in rings[1:])),
+        low=None,
+        high=around.high + ground - where[2],
+    )
 
 
 def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> TurnBack:

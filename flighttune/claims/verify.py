@@ -29,6 +29,7 @@ from flighttune.campaigns.statistics.count import chance_missed, flights_again
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.per_hour import PerHour
 from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.tubes.problem import OF_RESIDUALS
@@ -85,7 +86,7 @@ def verified_band(
     return Verification(valid=True, reason="", notes=(flown, CHOSEN, *band.said_of_fences))
 
 
-AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted | LogMonitor
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted | LogMonitor | PerHour
 Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim
 
 
@@ -267,6 +268,11 @@ def _of_count(claim: Counted, again: Again) -> Verification:
 @verification_of.register
 def _of_logs(claim: LogMonitor, again: Again) -> Verification:
     return claim.verify(again.logs)
+
+
+@verification_of.register
+def _of_hours(claim: PerHour, again: Again) -> Verification:
+    return claim.verify(again.count, again.fliers)
 
 
 @verification_of.register

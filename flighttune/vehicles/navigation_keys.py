@@ -6,7 +6,7 @@ from pydantic import Field
 
 from flighttune.base import quantities as q
 from flighttune.base.units import DEG
-from flighttune.vehicles.plants.navigation import Grade, Navigation
+from flighttune.vehicles.plants.navigation import Grade, Navigation, ReceiverFault
 
 Distance: TypeAlias = Annotated[q.NotNegative, Field(le=1000.0)]  # m: standard deviation
 Assumed: TypeAlias = Annotated[q.Finite, Field(ge=1e-4, le=1000.0)]  # noise that a filter assumes
@@ -14,6 +14,15 @@ Share: TypeAlias = Annotated[q.NotNegative, Field(le=1.0)]
 Density: TypeAlias = Annotated[q.NotNegative, Field(le=100.0)]  # of noise, per root Hz
 Period: TypeAlias = Annotated[q.Finite, Field(ge=0.01, le=10.0)]  # s
 Lag: TypeAlias = Annotated[q.NotNegative, Field(le=1e4)]  # s
+
+
+class ReceiverFaultTable(q.Table):
+    """``[navigation.fault]``: a failure of the receiver in flight, lasting to the end."""
+
+    from_s: q.Instant
+    course_deg: q.Angle = 0.0  # direction of the error
+    jump_m: Annotated[q.NotNegative, Field(le=1e5)] = 0.0  # error of position at once
+    drift_mps: q.WindSpeed = 0.0  # growth of the error: dead reckoning without a receiver
 
 
 class NavigationTable(q.Table):
@@ -53,12 +62,25 @@ class NavigationTable(q.Table):
     filter_velocity_mps: Assumed | None = None  # noise of velocity that the filter assumes
     filter_height_m: Assumed | None = None  # noise of height that the filter assumes
     filter_climb_mps: Assumed | None = None  # noise of climb that the filter assumes
+    fault: ReceiverFaultTable | None = None
 
     def navigation(self, seed: int) -> Navigation:
         """The errors in SI, drawn from the scenario's `seed`."""
-        stated = self.model_dump(exclude_none=True, exclude={"grade"})
+        stated = self.model_dump(exclude_none=True, exclude={"grade", "fault"})
         numbers = {_name(key): value * _unit(key) for key, value in stated.items()}
-        return Navigation.of(self.grade, seed=seed, **numbers)
+        return Navigation.of(self.grade, seed=seed, fault=self._fault, **numbers)
+
+    @property
+    def _fault(self) -> ReceiverFault | None:
+        """The failure of the receiver in SI."""
+        if (fault := self.fault) is None:
+            return None
+        return ReceiverFault(
+            start=fault.from_s,
+            course=fault.course_deg * DEG,
+            jump=fault.jump_m,
+            drift=fault.drift_mps,
+        )
 
 
 def _name(key: str) -> str:

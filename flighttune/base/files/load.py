@@ -30,6 +30,7 @@ BLANK = MARK.decode() + "0" * DIGITS
 # Kinds of files. The kind of a claim is the beginning of its `format`.
 CERTIFICATE, BOUND = "flighttune certificate", "flighttune rate bound"
 TUBE, BAND, MONITOR = "flighttune tube", "flighttune band", "flighttune monitor"
+PER_HOUR = "flighttune flight hours"
 RECORDING, DATASET, LOG = "recording", "campaign", "log"
 
 # Each kind of file in words, with the commands that take it.
@@ -39,6 +40,7 @@ SHOWN = {
     TUBE: "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
     BAND: "a band file, which `flighttune band`, `fly --claim` and `verify` take",
     MONITOR: "a monitor of logs, which `flighttune report LOG --claim` and `verify` take",
+    PER_HOUR: "a claim per flight hour, which `flighttune verify` takes",
     RECORDING: "a recording, which `flighttune view`, `report` and `verify` take",
     DATASET: "the folder of a campaign, which `flighttune report` and `verify` take",
     LOG: "the log of a flight, which `flighttune report` and `gap` take",
@@ -58,6 +60,7 @@ READERS = {
     TUBE: "flighttune.claims.tubes.enclosure:load_tube",
     BAND: "flighttune.claims.counted_file:load_counted",
     MONITOR: "flighttune.claims.monitor:load_monitor",
+    PER_HOUR: "flighttune.claims.per_hour:load_per_hour",
     RECORDING: "flighttune.flight.records.parquet:load_recording",
     DATASET: "flighttune.campaigns.dataset:open_dataset",
     LOG: "flighttune.logs.log:load_part",

@@ -374,7 +374,7 @@ def _fly_alone(
             columns[COMPILED] = CompiledFlights.of(run, again=again)
     except FlightTuneError as error:
         return _invalid(error, began)
-    if run.status == "completed":
+    if run.status == "completed" or any(getattr(x, "any_end", False) for x in probes.values()):
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay unchanged
         along = float(run.signals["along"].iloc[-1])

@@ -17,6 +17,22 @@ TERM_COLUMNS = (
 
 
 def answer(mission: MissionOdds) -> Answer:
+    """The answer of the mission, its room to turn back and its exits per flight hour."""
+    counted = _of_flights(mission)
+    if mission.per_hour is None:
+        return counted
+    said = mission.per_hour.answer()
+    return replace(
+        counted,
+        summary=[*said.summary, *counted.summary],
+        values={**counted.values, **said.values},
+        tables=[*said.tables, *counted.tables],
+        notes=[*said.notes, *counted.notes],
+        failure=counted.failure or said.failure,
+    )
+
+
+def _of_flights(mission: MissionOdds) -> Answer:
     """The answer of the band and of the room to turn back; a failure if one fails."""
     band, room, files = mission.band, mission.room, mission.files
     seen = over_ground(band.flights.route, mission.terrain, band)

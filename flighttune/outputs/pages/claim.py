@@ -11,6 +11,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.whole import current
 from flighttune.claims.counted import SignalBounds
 from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.per_hour import PerHour
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import AnyClaim, stale_notes
@@ -30,6 +31,7 @@ PAGES = {
     "Certificate": "flighttune.outputs.pages.claim:certificate",
     "Counted": "flighttune.outputs.pages.counted:counted",
     "LogMonitor": "flighttune.outputs.pages.claim:log_monitor",
+    "PerHour": "flighttune.outputs.pages.claim:per_hour",
     "RateBound": "flighttune.outputs.pages.claim:bound",
     "SignalBounds": "flighttune.outputs.pages.counted:bounds",
     "Tube": "flighttune.outputs.pages.tube:tube",
@@ -75,6 +77,12 @@ def certificate(claim: Certificate, _: Asked) -> Parts:
 def bound(claim: RateBound, _: Asked) -> Parts:
     """The page of a bound on R_K."""
     return _stated(claim, "Bound on R_K")
+
+
+def per_hour(claim: PerHour, _: Asked) -> Parts:
+    """The page of the exits per flight hour."""
+    parts = _stated(claim, "Exits per flight hour")
+    return replace(parts, sentences=claim.answer().summary)
 
 
 def log_monitor(claim: LogMonitor, _: Asked) -> Parts:

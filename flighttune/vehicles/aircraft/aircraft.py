@@ -42,6 +42,9 @@ class Fault(q.Table):
     aileron_stuck_deg: StuckAngle | None = None
     elevator_stuck_deg: StuckAngle | None = None
     rudder_stuck_deg: StuckAngle | None = None
+    # Time after `from_s` at which the flight is ended: throttle closed, elevator up, and the other
+    # surfaces at a stop; a stuck surface stays where it is
+    ended_after_s: q.Instant | None = None
 
     @property
     def stuck(self) -> dict[str, float]:

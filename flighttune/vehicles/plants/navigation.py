@@ -43,6 +43,22 @@ VERTICAL, SLOW_CLIMB = 2.0, 0.5
 FAST_ROLL_S, FAST_AIRSPEED_S = 0.05, 0.1
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverFault:
+    """A failure of the receiver: its position jumps, or drifts away while fixes are missing."""
+
+    start: float  # s
+    course: float  # rad: direction of the error
+    jump: float = 0.0  # m
+    drift: float = 0.0  # m/s: growth of the error
+
+    def errors(self, samples: int, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Errors of the position to north and east at each sample, m."""
+        since = np.arange(samples, dtype=np.float64) * dt - self.start
+        size = np.where(since >= 0.0, self.jump + self.drift * since, 0.0)
+        return size * math.cos(self.course), size * math.sin(self.course)
+
+
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Navigation:
@@ -80,6 +96,8 @@ class Navigation:
         Noise of the fixes that the filter assumes, m and m/s, from which its gain follows.
     seed : int
         Seed of the errors, which depend on nothing else drawn from it.
+    fault : ReceiverFault, optional
+        Failure of the receiver in flight.
 
     Examples
     --------
@@ -121,19 +139,22 @@ class Navigation:
     filter_height: float
     filter_climb: float
     seed: int = 0
+    fault: ReceiverFault | None = None
 
     def __post_init__(self) -> None:
         check_not_negative(seed=self.seed)
-        for field in fields(self)[:-1]:
+        for field in fields(self)[:-2]:
             check = check_positive if field.name in POSITIVE else check_not_negative
             check(**{field.name: getattr(self, field.name)})
 
     @classmethod
-    def of(cls, grade: Grade, *, seed: int = 0, **numbers: float) -> "Navigation":
+    def of(
+        cls, grade: Grade, *, seed: int = 0, fault: ReceiverFault | None = None, **numbers: float
+    ) -> "Navigation":
         """The errors of a grade, some of whose numbers are replaced by `numbers`."""
         if grade not in GRADES:
             raise InputError(f"`grade` must be one of {', '.join(GRADES)}, got {grade!r}.")
-        return cls(**{**GRADES[grade], **numbers}, seed=seed)
+        return cls(**{**GRADES[grade], **numbers}, seed=seed, fault=fault)
 
     def errors(self, samples: int, dt: float, V_a: float) -> FloatArray:
         """`ERRORS` at each of the samples, `dt` s apart, shape (samples, 13).
@@ -141,7 +162,7 @@ class Navigation:
         `V_a` (m/s): the airspeed at the start. A seed gives the same bits; the errors of a longer
         flight begin with those of a shorter one.
         """
-        n, (level, vertical) = samples, axes(replace(self, seed=0), dt)
+        n, (level, vertical) = samples, axes(replace(self, seed=0, fault=None), dt)
         (north, v_north, _), (east, v_east, tilt) = (level.drawn(n, self._rng(i)) for i in (0, 1))
         h, v_up = vertical.drawn(n, self._rng(2))
         scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
@@ -159,6 +180,9 @@ class Navigation:
         for i in range(2):
             wind[i] = self._wander(9 + i, n, dt, self.wind_sd, self.wind_time_constant)
         wind[:, 1:] -= (1.0 - self.wind_share(dt)) * wind[:, :-1]
+        if self.fault is not None:
+            fault_north, fault_east = self.fault.errors(n, dt)
+            north, east = north + fault_north, east + fault_east
         columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
         return np.stack(columns, axis=1)
 
@@ -217,7 +241,7 @@ _GRADES = {
 GRADES: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         grade: MappingProxyType(
-            {field.name: x for field, x in zip(fields(Navigation)[:-1], numbers, strict=True)}
+            {field.name: x for field, x in zip(fields(Navigation)[:-2], numbers, strict=True)}
         )
         for grade, numbers in _GRADES.items()
     }

@@ -15,6 +15,7 @@ from flighttune.control.limits import Limits
 from flighttune.vehicles.aircraft.aircraft import (
     GAINS_FILE,
     AircraftConfig,
+    Fault,
     OffNominal,
     load_aircraft,
 )
@@ -244,7 +245,20 @@ class JSBSimPlant:
         if fault.cg_aft_m:
             *_, place = fdm.names("inertia/pointmass-location-X-inches")
             values[place] = fdm.reader(place)() + fault.cg_aft_m / (BALLAST * FT) * 12.0
-        return [*self._later, *((fault.from_s, name, value) for name, value in values.items())]
+        failing = [(fault.from_s, name, value) for name, value in values.items()]
+        return [*self._later, *failing, *self._ending(fault)]
+
+    def _ending(self, fault: Fault) -> list[tuple[float, str, float]]:
+        """Changes that end a flight: throttle closed, surfaces at their stops."""
+        if fault.ended_after_s is None:
+            return []
+        at = fault.from_s + fault.ended_after_s
+        stops = [(f"{FAULT}throttle", 0.0)]
+        for name, surface in self.config.surfaces.named():
+            if name not in fault.stuck:
+                stop = surface.travel[0 if name == "elevator" else 1]  # elevator: nose up
+                stops += [(f"{FAULT}{name}-{end}", stop) for end in ("min", "max")]
+        return [(at, name, value) for name, value in stops]
 
     def n_z_followed(self) -> float:
         """The load factor that the inner loop sees, a step of its computer old."""

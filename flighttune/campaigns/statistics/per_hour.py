@@ -1,0 +1,82 @@
+"""Rate per flight hour from declared rates of faults and counted flights: docs/per_hour.md."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flighttune.base.arrays import check_between
+from flighttune.base.errors import InputError
+from flighttune.campaigns.statistics.count import supported_epsilon
+
+SECONDS = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Count:
+    """Flights that left a volume, of all that were flown."""
+
+    outside: int
+    flights: int
+
+    def share(self, confidence: float) -> float:
+        """Upper bound of the probability to leave, by Clopper and Pearson."""
+        return supported_epsilon(self.outside, self.flights, confidence)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exposure:
+    """Duration of flights, counted on flights without a fault."""
+
+    shortest_s: float  # shortest duration of the counted flights
+    window_s: float  # longest duration of the counted flights: faults are drawn from this time
+    cap_s: float  # time at which every flight ends
+    flights: int
+
+    def hours(self, confidence: float) -> float:
+        """Lower bound of the mean duration, h: few flights are shorter than the shortest."""
+        return (1.0 - self.odd(confidence)) * self.shortest_s / SECONDS
+
+    def odd(self, confidence: float) -> float:
+        """Upper bound of the share of flights shorter, or longer, than all counted ones."""
+        return supported_epsilon(0, self.flights, confidence)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HourlyBound:
+    """Upper bounds per flight hour, which hold together."""
+
+    total: float
+    healthy: float
+    faults: tuple[float, ...]  # in the order of the faults
+    several: float  # flights with two faults or more
+    each: float  # confidence of each count
+
+
+def hourly_bound(
+    healthy: Count,
+    faults: Sequence[tuple[float, Count]],
+    exposure: Exposure,
+    *,
+    confidence: float,
+    more: int = 0,
+) -> HourlyBound:
+    """Bound the exits per flight hour at a confidence that all counts share.
+
+    `faults` has the declared rate per hour of each fault, and the count of flights with this fault
+    at a time that is uniform in the exposure's window. `more` counts share the confidence too.
+    """
+    check_between(0.0, 1.0, confidence=confidence)
+    if not 0.0 < exposure.shortest_s <= exposure.window_s <= exposure.cap_s:
+        raise InputError(
+            f"`shortest_s` must be positive and at most {exposure.window_s:g} s, got "
+            f"{exposure.shortest_s:g}."
+        )
+    # Counts: healthy flights, the shortest and the longest of them, and the flights of each fault.
+    each = 1.0 - (1.0 - confidence) / (3 + len(faults) + more)
+    hours, odd = exposure.hours(each), exposure.odd(each)
+    window, cap = exposure.window_s / SECONDS, exposure.cap_s / SECONDS
+    terms = [rate * (window * count.share(each) + odd * cap) / hours for rate, count in faults]
+    rates = sum(rate for rate, _ in faults)
+    several = 0.5 * rates**2 * (window**2 + odd * cap**2) / hours
+    alone = healthy.share(each) / hours
+    total = alone + sum(terms) + several
+    return HourlyBound(total=total, healthy=alone, faults=tuple(terms), several=several, each=each)

@@ -1,0 +1,184 @@
+"""The answer of the exits per flight hour."""
+
+from typing import Any
+
+from flighttune.base.words import at_most, listed
+from flighttune.claims.per_hour import PerHour, healthy_flights_for
+from flighttune.outputs.answers.answer import Answer, Column, Table
+
+COLUMNS = (
+    Column("term", "term"),
+    Column("per_hour", "declared per hour", "1/h"),
+    Column("outside", "left", digits=".0f"),
+    Column("flights", "of flights", digits=".0f"),
+    Column("share", "share at most"),
+    Column("bound", "exits at most", "1/h"),
+    Column("source", "source of the rate"),
+)
+LATER_COLUMNS = (
+    Column("ended_s", "ended after", "s"),
+    Column("outside", "left", digits=".0f"),
+    Column("flights", "of flights", digits=".0f"),
+    Column("total", "exits at most in all", "1/h"),
+)
+
+
+def answer(hourly: PerHour) -> Answer:
+    """The bound, its terms and the number that matters most; a failure if a target is missed."""
+    target, total = hourly.table.target_per_hour, at_most(hourly.bound.total, 3)
+    failure = ""
+    if hourly.met is False:
+        failure = f"exits per flight hour are at most {total}, and the target is {target:g}"
+    return Answer(
+        values={"per_hour": values(hourly)},
+        summary=summary(hourly),
+        tables=tables(hourly),
+        notes=notes(hourly),
+        verdict=hourly.sentence,
+        failure=failure,
+    )
+
+
+def summary(hourly: PerHour) -> list[str]:
+    """The answer in sentences."""
+    bound, faults = hourly.bound, hourly.table.fault
+    target, total = hourly.table.target_per_hour, at_most(bound.total, 3)
+    shares = [
+        f"{fault.kind.replace('_', ' ')} {at_most(x, 2)}"
+        for fault, x in zip(faults, bound.faults, strict=True)
+    ]
+    begin = "" if target is None else "Yes: " if hourly.met else "No: "
+    aim = "" if target is None else f"; the target is {target:g}"
+    lines = [
+        f"{begin}{'A' if not begin else 'a'}t most {total} flights per flight hour leave the "
+        f"operational volume, at a confidence of {hourly.confidence:g}{aim}.",
+        f"Of this, healthy flight {at_most(bound.healthy, 2)}, {', '.join(shares)}, and two faults "
+        f"in a flight {at_most(bound.several, 2)}.",
+    ]
+    return [*lines, *latest(hourly), matters_most(hourly)]
+
+
+def latest(hourly: PerHour) -> list[str]:
+    """The latest time of ending, if it was looked for."""
+    if not hourly.later:
+        return []
+    if (held := hourly.latest) is None:
+        first = hourly.later[0].ended_s
+        return [f"The target does not hold even if a flight is ended {first:g} s after the fault."]
+    kind, ended_s = held
+    return [f"The target holds if a flight is ended within {ended_s:g} s of {_named(kind)}."]
+
+
+def _named(kind: str) -> str:
+    words = kind.replace("_", " ")
+    return f"the fault {words}"
+
+
+def matters_most(hourly: PerHour) -> str:
+    """The one number that matters most."""
+    if (i := hourly.largest) is None:
+        needed, healthy = healthy_flights_for(hourly), hourly.terms[0].count
+        if healthy.outside:
+            return (
+                f"What matters most is healthy flight: {healthy.outside} of {healthy.flights} "
+                "flights left the volume."
+            )
+        more = "more flights" if needed is None else f"{needed} flights (`flights`), none outside,"
+        half = " would bring it to half of the target" if needed else " would lower it"
+        return (
+            "What matters most is the number of healthy flights: none of "
+            f"{healthy.flights} left the volume; {more}{half}."
+        )
+    fault, count = hourly.table.fault[i], hourly.terms[i + 1].count
+    what = f"{fault.kind.replace('_', ' ')}, {count.outside} of {count.flights} flights left"
+    if not count.outside:
+        return f"What matters most is {what}: more `flights` would lower its bound."
+    if fault.ended_s is None:
+        return f"What matters most is {what}: its flights are not ended (`ended_s`)."
+    return f"What matters most is {what}, ended after {fault.ended_s:g} s."
+
+
+def tables(hourly: PerHour) -> list[Table]:
+    """The terms, and the times of ending that were flown."""
+    shown = [Table(COLUMNS, rows(hourly), "exits from the operational volume per flight hour")]
+    if hourly.later:
+        fault = hourly.table.fault[hourly.later[0].fault or 0].kind.replace("_", " ")
+        shown.append(Table(LATER_COLUMNS, later_rows(hourly), f"time of ending: {fault}"))
+    return shown
+
+
+def rows(hourly: PerHour) -> list[dict[str, Any]]:
+    """A record of each term."""
+    bound, healthy = hourly.bound, hourly.terms[0].count
+    first = {
+        "term": "healthy flight",
+        "per_hour": None,
+        "outside": healthy.outside,
+        "flights": healthy.flights,
+        "share": healthy.share(bound.each),
+        "bound": bound.healthy,
+        "source": "",
+    }
+    of_faults = [
+        {
+            "term": fault.kind.replace("_", " "),
+            "per_hour": fault.per_hour,
+            "outside": term.count.outside,
+            "flights": term.count.flights,
+            "share": term.count.share(bound.each),
+            "bound": x,
+            "source": fault.source,
+        }
+        for fault, term, x in zip(hourly.table.fault, hourly.terms[1:], bound.faults, strict=True)
+    ]
+    several = dict.fromkeys(("per_hour", "outside", "flights", "share"))
+    return [
+        first,
+        *of_faults,
+        {"term": "two faults", **several, "bound": bound.several, "source": ""},
+    ]
+
+
+def later_rows(hourly: PerHour) -> list[dict[str, Any]]:
+    """A record of each time of ending."""
+    return [
+        {
+            "ended_s": term.ended_s,
+            "outside": term.count.outside,
+            "flights": term.count.flights,
+            "total": hourly.total_with(term),
+        }
+        for term in hourly.later
+    ]
+
+
+def values(hourly: PerHour) -> dict[str, Any]:
+    """The answer as values."""
+    held = hourly.latest
+    return {
+        "bound": hourly.bound.total,
+        "confidence": hourly.confidence,
+        "confidence_of_each": hourly.bound.each,
+        "target": hourly.table.target_per_hour,
+        "hours": hourly.exposure.hours(hourly.bound.each),
+        "window_s": hourly.exposure.window_s,
+        "terms": rows(hourly),
+        "later": later_rows(hourly),
+        "latest": None if held is None else {"fault": held[0], "ended_s": held[1]},
+    }
+
+
+def notes(hourly: PerHour) -> list[str]:
+    """What is declared, what is counted, and what is not in it."""
+    exposure, kinds = hourly.exposure, [x.kind.replace("_", " ") for x in hourly.table.fault]
+    hours = exposure.hours(hourly.bound.each)
+    return [
+        f"The rates of {listed(kinds)} are declared by the applicant; the shares are counted. Each "
+        f"fault begins at a time drawn from {exposure.window_s:g} s, and a flight lasts "
+        f"{hours:.3g} h or more on average.",
+        "A flight leaves by a side or the top of the volume, or by the floor of a fence before it "
+        "is ended. A flight whose model no longer holds counts as outside, unless it was ended and "
+        "falls to the ground inside as declared.",
+        "Faults of other kinds, in wind or air beyond what is drawn, errors of the crew, other "
+        "traffic, and injuries on the ground are not in it.",
+    ]
