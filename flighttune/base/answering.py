@@ -43,6 +43,7 @@ SPEAKERS = {
     "Reflown": "flighttune.outputs.answers.refly:answer",
     "Report": "flighttune.outputs.pages.frame:answer",
     "Reproduction": "flighttune.outputs.paper.reproduce:answer",
+    "Retuned": "flighttune.outputs.answers.retuned:answer",
     "Run": "flighttune.outputs.answers.run:facts",
     "TriedDisturbances": "flighttune.outputs.answers.tube:tried",
     "Trims": "flighttune.outputs.answers.trim:answer",

@@ -54,8 +54,12 @@ def tune(
 def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
     """Find gains with which flights of SCENARIO meet its [[expect]], by flying candidates.
 
-    Exit status 1 if none are found; the nearest are printed.
+    Exit status 1 if none are found; the nearest are printed. --with FILE searches the parameters of
+    PX4 or ArduPilot instead, and writes none that are worse.
     """
+    if search.keywords.get("autopilot") is not None:
+        return retune(search, page, out)
+    check_ending(out, ".json")
     meeting = search()
     answer = replace(meeting.answer(), files={"out": out, "page": page})
     with together():
@@ -67,6 +71,17 @@ def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
 
             write_meet_page(page, meeting, this_command())
     return answer
+
+
+def retune(search: Verb, page: Path | None, out: Path | None) -> Answer:
+    """Search an autopilot's parameters, and write them if they are better."""
+    if page is not None:
+        raise InputError("--page must be absent with --with.")
+    check_ending(out, ".params", ".param", ".parm")
+    retuned = search()
+    if out is not None and retuned.better:
+        retuned.save_parameters(out)
+    return replace(retuned.answer(), files={"out": out if retuned.better else None})
 
 
 def certify(certify_gains: Verb, source: str, out: Path | None, figure: Path | None) -> Answer:

@@ -2,17 +2,14 @@
 
 import math
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flighttune.base.errors import InputError, naming
-from flighttune.base.files.table import abridged
-from flighttune.base.files.whole import reason_of
 from flighttune.base.words import listed
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
+from flighttune.logs.parameter_file import read_text
 from flighttune.logs.read import read_parameters
 
 # Aeroplanes and VTOLs, by their MAV_TYPE or name in QGroundControl's files and in logs.
@@ -42,14 +39,8 @@ OLD_TECS = re.compile(r"v?1\.(\d|1[0-2])(\.|$)")
 BEFORE_NPFG = re.compile(r"v?1\.(\d|1[0-3])(\.|$)")
 HELD = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
 
-# MAVLink's component number of the autopilot.
-AUTOPILOT = 1
-
 # Largest limit of roll or pitch, deg.
 RIGHT_ANGLE_DEG = 90.0
-
-# A name of a parameter, and text that ArduPilot's own files may have after a value.
-NAME, READ_ONLY = re.compile("[A-Z][A-Z0-9_]{0,15}"), "@READONLY"
 
 
 class Flown(NamedTuple):
@@ -65,23 +56,13 @@ class Flown(NamedTuple):
     beyond: list[str]  # parameters beyond their published ranges, with value and range
 
 
-class Stated(NamedTuple):
-    """The content of a file."""
-
-    values: Mapping[str, float]
-    vehicle: str
-    version: str
-    # parameters that the file states a second time with another value, with the place
-    others: Mapping[str, list[str]]
-
-
 def flown_now(path: str | Path, version: str | None = None) -> Flown:
     """The guidance of a parameter file or log; `version`: the autopilot's, if the file has none."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: must be a file of parameters or a log, got no such file.")
     logged = read_parameters(path)
-    values, vehicle, stated, others = _read_text(path) if logged is None else (*logged, {})
+    values, vehicle, stated, others = read_text(path) if logged is None else (*logged, {})
     version = version or stated
     period = _period(path, values, vehicle, version)
     table = guidance()[period]
@@ -244,65 +225,3 @@ def _contradictions(
     for was, (now, by) in table.get("former", {}).items():
         if was in values and now in values and values[was] * by != values[now]:
             yield f"{was} is {values[was]:g} and {now} {values[now]:g}: {now} is used."
-
-
-def _read_text(path: Path) -> Stated:
-    """The content of a parameter file of QGroundControl or Mission Planner."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = reason_of(error) if isinstance(error, OSError) else "a binary file"
-        raise InputError(f"{path}: must be a file of parameters or a log, got {reason}.") from error
-    rows: list[tuple[int, int, str, float]] = []  # vehicle, component, name and value
-    head = {"Vehicle": "", "Version": ""}
-    for number, line in enumerate(lines, start=1):
-        text, _, comment = line.partition("#")
-        key, _, value = comment.strip().partition(":")
-        if key in head:
-            head[key] = value.strip()
-        if text.strip():
-            rows.append(_row(text, f"{path}: line {number}"))
-    values, others = _of_autopilot(rows)
-    return Stated(values, head["Vehicle"], head["Version"], others)
-
-
-def _row(text: str, place: str) -> tuple[int, int, str, float]:
-    """Vehicle, component, name and value of a line."""
-    fields = [field for field in re.split(r"[\s,]+", text.strip()) if field != READ_ONLY]
-    vehicle, component = 0, AUTOPILOT
-    # QGroundControl: the type of the value follows
-    if len(fields) in (4, 5) and fields[0].isdecimal() and fields[1].isdecimal():
-        vehicle, component, fields = int(fields[0][:9]), int(fields[1][:9]), fields[2:4]
-    with suppress(ValueError):
-        name, value = fields
-        if NAME.fullmatch(name):
-            return vehicle, component, name, float(value)
-    comma = " with a decimal point" if re.search(r"\d,\d", text) else ""
-    raise InputError(
-        f"{place} must be NAME,VALUE or VEHICLE COMPONENT NAME VALUE TYPE{comma}, got "
-        f"{abridged(text.strip())}."
-    )
-
-
-def _of_autopilot(
-    rows: Iterable[tuple[int, int, str, float]],
-) -> tuple[dict[str, float], dict[str, list[str]]]:
-    """Values of the first vehicle's autopilot, and other values of the same names."""
-    stated: dict[tuple[int, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for vehicle, component, name, value in rows:
-        stated[vehicle, component][name].append(value)
-    if not stated:
-        return {}, {}
-    vehicle = next(iter(stated))[0]
-    components = [component for of, component in stated if of == vehicle]
-    chosen = vehicle, AUTOPILOT if AUTOPILOT in components else min(components)
-    values = {name: several[-1] for name, several in stated[chosen].items()}
-    others: dict[str, list[str]] = defaultdict(list)
-    for place, parameters in stated.items():
-        where = "" if place == chosen else f" of component {place[1]}"
-        where += f" of vehicle {place[0]}" * (place[0] != vehicle)
-        for name, several in parameters.items():
-            for value in dict.fromkeys(several):
-                if value != values.get(name):
-                    others[name].append(f"{value:g}{where or ' before'}")
-    return values, others

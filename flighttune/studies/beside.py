@@ -26,8 +26,10 @@ from flighttune.campaigns.statistics.count import allowed_outside, flights_neede
 from flighttune.campaigns.statistics.findings import findings_of
 from flighttune.campaigns.statistics.intervals import paired, rate_interval, scores
 from flighttune.claims import counted_flights, counting
+from flighttune.control.controller import LawSetup
 from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
 from flighttune.control.law import made_law
+from flighttune.control.laws.autopilot import Autopilot
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.margins import Loop, Margins, cut_margins
@@ -96,20 +98,7 @@ class Beside(Answering):
     @property
     def accuracy(self) -> list[dict[str, Any]]:
         """Bounds on errors of a new flight, and number of draws in which ours are smaller."""
-        n, rows = self.plan.draws, []
-        place = max(allowed_outside(n, EPSILON, CONFIDENCE), 0)
-        for measure, (words, unit, factor) in MEASURED.items():
-            if self.rows[measure].isna().all():
-                continue
-            row: dict[str, Any] = {"of": words}
-            for name, of_law in self.rows.groupby("gains"):
-                row[str(name)] = float(np.sort(scores(of_law, measure))[-1 - place]) * factor
-            (pair,) = paired(self.rows, measure)
-            better = pair["wins_a" if pair["a"] == OURS else "wins_b"]
-            lo, hi = rate_interval(better, n, CONFIDENCE, method="clopper-pearson")
-            row |= {"unit": unit, "better": better, "share": better / n}
-            rows.append(row | {"lo": float(lo), "hi": float(hi), "flights": n})
-        return rows
+        return accuracy_of(self.rows, self.plan.draws, OURS)
 
     @property
     def margins(self) -> dict[str, Sequence[Margins]]:
@@ -119,20 +108,50 @@ class Beside(Answering):
         return {}
 
 
+def accuracy_of(rows: pd.DataFrame, n: int, ours: str) -> list[dict[str, Any]]:
+    """Bounds on errors of a new flight by gain set, and number of n draws in which `ours` wins."""
+    answer = []
+    place = max(allowed_outside(n, EPSILON, CONFIDENCE), 0)
+    for measure, (words, unit, factor) in MEASURED.items():
+        if rows[measure].isna().all():
+            continue
+        row: dict[str, Any] = {"of": words}
+        for name, of_law in rows.groupby("gains"):
+            row[str(name)] = float(np.sort(scores(of_law, measure))[-1 - place]) * factor
+        (pair,) = paired(rows, measure)
+        better = pair["wins_a" if pair["a"] == ours else "wins_b"]
+        lo, hi = rate_interval(better, n, CONFIDENCE, method="clopper-pearson")
+        row |= {"unit": unit, "better": better, "share": better / n}
+        answer.append(row | {"lo": float(lo), "hi": float(hi), "flights": n})
+    return answer
+
+
 def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
     """Margins of each loop cut at roll and at lift, behind the identified inner loop."""
     scenario, ours = plan.scenario, our_rate_gains(plan)
-    reference = conditions.reference_of(scenario)
-    model = models.identified_models(scenario, made_law("exact"))[0].model
-    law = now.law.make(models.law_setup(scenario, ours, Limits.none(2)))
-    a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
+    model = inner_loop_of(scenario)
     # On a route the loops over the distances are closed too: the period sets the user's loop, and
     # the look-ahead sets ours.
+    reference = conditions.reference_of(scenario)
     per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
-    yours = np.array([a, c + b * (per_T > 0.0), d * (per_T > 0.0)])
     rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])
-    both = _guided(model, yours, NO_FEEDBACK), _guided(model, rows, ours.feedback)
-    return {x: cut_margins(loop, CUT) for x, loop in zip((YOURS, OURS), both, strict=True)}
+    loop = _guided(model, rows, ours.feedback)
+    return {YOURS: guidance_margins(scenario, model, now.law), OURS: cut_margins(loop, CUT)}
+
+
+def inner_loop_of(scenario: Scenario) -> LinearModel:
+    """The identified inner loop of the first aircraft; InputError without one."""
+    return models.identified_models(scenario, made_law("exact"))[0].model
+
+
+def guidance_margins(scenario: Scenario, model: LinearModel, law: Autopilot) -> Sequence[Margins]:
+    """Margins of a guidance cut at roll and at lift, behind an inner loop; none if unstable."""
+    flight, dt = scenario.flight, 1.0 / scenario.controller.rate_hz
+    made = law.make(LawSetup(dt=dt, limits=Limits.none(2), g=flight.g_mps2))
+    a, b, c, d = (np.diag(x) for x in made.linear(flight.V_a_mps))
+    # Without a route the loops over the distances are open.
+    on = float(scenario.route is not None)
+    return cut_margins(_guided(model, np.array([a, c + b * on, d * on]), NO_FEEDBACK), CUT)
 
 
 def our_rate_gains(plan: Plan) -> PIGains:
@@ -261,7 +280,7 @@ def compare(  # type: ignore[misc]
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
     stated = flights_of_source(place, **of_flights).knowing(navigation)
     plan = counting.drawn(stated, None, gains or None, None, seed)
-    _check_one_airspeed(str(stated.place), plan.scenario)
+    check_one_airspeed(str(stated.place), plan.scenario)
     plan = _with_guidance(plan, now)
     group = plan.groups[0]
     if flights is None:
@@ -282,7 +301,7 @@ def compare(  # type: ignore[misc]
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
 
-def _check_one_airspeed(place: str, scenario: Scenario) -> None:
+def check_one_airspeed(place: str, scenario: Scenario) -> None:
     """Refuse changes of airspeed, which are not emulated, and name the remedy."""
     if not scenario.airspeed:
         return
@@ -303,17 +322,23 @@ def _check_one_airspeed(place: str, scenario: Scenario) -> None:
 
 def _with_guidance(plan: Plan, now: Flown) -> Plan:
     """A plan of one group, with the user's guidance before it, on the same draws."""
+    return guided(plan, {YOURS: now.law})
+
+
+def guided(plan: Plan, laws: Mapping[str, Autopilot]) -> Plan:
+    """A plan of one group, with guidances before it by name, on the same draws."""
     (group,), scenario = plan.groups, plan.scenario
-    law = {"name": YOURS, "kind": now.law.kind, "parameters": dict(now.law.parameters)}
-    laws = [table.model_dump(exclude_none=True) for table in scenario.law_tables]
-    changed = scenario_from({**scenario.as_dict(), "law": [*laws, law]})
-    gains = plan.gain_sets[group.gains]
-    (name,) = replace(now.law, name=YOURS).names_of([group.gains.rpartition(":")[2]])
+    tables = [table.model_dump(exclude_none=True) for table in scenario.law_tables]
+    for name, law in laws.items():
+        tables.append({"name": name, "kind": law.kind, "parameters": dict(law.parameters)})
+    changed = scenario_from({**scenario.as_dict(), "law": tables})
+    gains, listed = plan.gain_sets[group.gains], group.gains.rpartition(":")[2]
+    names = [replace(law, name=x).names_of([listed])[0] for x, law in laws.items()]
     return replace(
         plan,
         campaign=campaign_on(plan.campaign, changed, plan.campaign.title),
-        gain_sets={name: gains, group.gains: gains},
-        groups=(group._replace(gains=name), group),
+        gain_sets={**dict.fromkeys(names, gains), group.gains: gains},
+        groups=(*(group._replace(gains=name) for name in names), group),
     )
 
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,8 @@ from flighttune.campaigns.planning.draws import SEED, cycle
 from flighttune.campaigns.planning.knowing import Knowledge, knowing
 from flighttune.campaigns.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.campaigns.planning.schema import MEASURES, Campaign, CampaignTable
-from flighttune.campaigns.planning.source import campaign_on, load_campaign
+from flighttune.campaigns.planning.source import Flights, campaign_on, load_campaign
+from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.campaigns.statistics.count import LOOK, sure
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, share
 from flighttune.claims.counted_flights import at_random
@@ -43,6 +44,7 @@ from flighttune.flight.metrics import AIRSPEED, OFF_ROUTE, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.studies.meeting import BY_DEFAULT, STARTS, Meeting, Status, Trial
+from flighttune.studies.retune import Counts, Retuned, retune
 from flighttune.vehicles.plant_keys import flown_aircraft
 from flighttune.vehicles.plants.base import goes_by
 
@@ -465,9 +467,19 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     return {name: gains for name, gains in sets.items() if gains is not None}
 
 
-@code.flies
+@overload
+def meet(scenario: Scenario | str | Path, **options: Any) -> Meeting: ...
+
+
+@overload
 def meet(
-    scenario: Scenario | str | Path,
+    scenario: Flights | Scenario | Campaign | str | Path, *, autopilot: str | Path, **options: Any
+) -> Retuned: ...
+
+
+@code.flies
+def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user, and has a default
+    scenario: Flights | Scenario | Campaign | str | Path,
     *,
     also: Sequence[Scenario | Path | str] = (),
     start: PIGains | str | None = None,
@@ -477,18 +489,25 @@ def meet(
     success: float | None = None,
     until_sure: bool = False,
     navigation: Knowledge | None = None,
+    autopilot: str | Path | None = None,
+    version: str | None = None,
+    flights: int | None = None,
+    aircraft: str | None = None,
+    like: str | None = None,
     changes: Mapping[str, Any] | None = None,
     **by: Unpack[FlownBy],
-) -> Meeting:
+) -> Meeting | Retuned:
     """Find gains that meet the ``[[expect]]`` of a scenario, by flying candidates.
 
     A search takes seconds on the law, a minute on an aircraft (600 flights), and several minutes
-    with a campaign.
+    with a campaign. With `autopilot` the parameters of PX4 or ArduPilot are searched instead, on a
+    route in wind: those of guidance and height, within their published ranges and with margins.
 
     Parameters
     ----------
     scenario : Scenario, str or Path
-        A scenario, its file, or the name of a shipped one. The gains are for its first law.
+        A scenario, its file, or the name of a shipped one. The gains are for its first law. With
+        `autopilot` also a mission or campaign, as for `compare`.
     also : sequence of Scenario, str or Path
         Other scenarios whose requirements the same gains must meet; none with a campaign.
     start : PIGains or str, optional
@@ -516,6 +535,16 @@ def meet(
     navigation : {"exact", "rtk", "standard", "poor"}, optional
         Grade of ``[navigation]``, by default the scenario's, or on a route without one a standard
         receiver and inertial unit.
+    autopilot : str or Path, optional
+        Search the parameters of this autopilot: a file of QGroundControl (.params) or Mission
+        Planner (.param, .parm), or a log (.ulg, .bin, .tlog) with them.
+    version : str, optional
+        Version of the autopilot, such as 1.15, by default from the file.
+    flights : int, optional
+        Fresh draws on which the parameters of the file and those found are counted, by default 93.
+    aircraft : str, optional
+        Aircraft that flies a mission, by default aerosonde.
+    like : as for `mission`
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional
@@ -528,9 +557,10 @@ def meet(
 
     Returns
     -------
-    Meeting
+    Meeting or Retuned
         The best gains, even if they miss a requirement; the gains of the start if the search finds
-        nothing better. If the start meets all requirements, R_K is at least half of the start's,
+        nothing better. With `autopilot`: both sets of parameters on fresh draws, and whether those
+        found are better. If the start meets all requirements, R_K is at least half of the start's,
         unless R_K is bounded. ``worse`` lists the measures that are worse than at the start.
 
     Raises
@@ -548,6 +578,42 @@ def meet(
     """
     fliers = Fliers(**by)
     check_at_least(1, budget=budget)
+    of_flights = {"aircraft": aircraft, "like": like}
+    of_file = {"version": version, "flights": flights}
+    of_gains = {"also": also, "start": start, "campaign": campaign, "success": success}
+    if autopilot is not None:
+        _absent(of_gains | {"until_sure": until_sure}, "with the parameters of an autopilot")
+        stated = flights_of_source(scenario, **of_flights, changes=changes).knowing(navigation)
+        counts = Counts(budget or BUDGET, flights)
+        return retune(stated, Path(autopilot), version, counts, fliers)
+    _absent(of_file | of_flights, "without the parameters of an autopilot")
+    if not isinstance(scenario, Scenario | str | Path):
+        raise InputError(f"`scenario` must be a scenario, got a {type(scenario).__name__}.")
+    search = GainsSearch(also, start, budget, metric, campaign, success, until_sure, navigation)
+    return _meet(scenario, changes, search, fliers)
+
+
+class GainsSearch(NamedTuple):
+    """Options of a search for gains, as `meet` takes them."""
+
+    also: Sequence[Scenario | Path | str]
+    start: PIGains | str | None
+    budget: int | None
+    metric: str
+    campaign: str | Path | None
+    success: float | None
+    until_sure: bool
+    navigation: Knowledge | None
+
+
+def _meet(
+    scenario: Scenario | str | Path,
+    changes: Mapping[str, Any] | None,
+    options: GainsSearch,
+    fliers: Fliers,
+) -> Meeting:
+    """Search gains for a scenario, and count them on fresh draws of a campaign."""
+    also, start, budget, metric, campaign, success, until_sure, navigation = options
     if campaign is not None and also:
         raise InputError("`also` must be absent with a campaign, which is about one scenario.")
     loaded = knowing(load.as_scenario(scenario, changes), navigation)
@@ -622,6 +688,12 @@ def meet(
         endings=pool.progress.endings,
         compiled=pool.progress.compiled,
     )
+
+
+def _absent(options: Mapping[str, Any], why: str) -> None:
+    for name, value in options.items():
+        if value not in (None, False, ()):
+            raise InputError(f"`{name}` must be absent {why}.")
 
 
 def _stated_start(

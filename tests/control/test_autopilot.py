@@ -292,14 +292,14 @@ SPEEDING = {"track": 103.0, "samples": 40, "gamma": 0.05, "alpha": 0.03, "speedi
             0.051753717901,
         ),
         ("NPFG_PERIOD", {"FW_T_VERT_ACC": 4}, {"track": 120, "samples": 5, "V": 18}, -0.1 / 4.5),
-        ("NAVL1_PERIOD", {}, SPEEDING | {"V_sp": 22.0}, -0.029840005067),
+        ("NAVL1_PERIOD", {}, SPEEDING | {"V_sp": 22.0}, -0.030124501720),
         ("NAVL1_PERIOD", {"TECS_CLMB_MAX": 2.5}, {"track": 200.0}, 0.19005325301),
         ("NAVL1_PERIOD", {"TECS_SINK_MAX": 1.5}, {"track": 20.0}, -0.114031951806),
         (
             "NAVL1_PERIOD",
             {"TECS_SPDWEIGHT": 0.4},
             {"track": 102.0, "V_sp": 23.0, "speeding": 0.4},
-            -0.030882134144,
+            -0.030931745674,
         ),
         ("NAVL1_PERIOD", {"TECS_SPDWEIGHT": 1.7}, {"track": 100.0, "V_sp": 19.0}, 0.103363914373),
         (

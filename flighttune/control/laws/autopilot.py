@@ -8,6 +8,7 @@ The equations come from published sources, cited at each equation: [N] is
 
 import math
 import tomllib
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -33,6 +34,13 @@ AIRSPEED_BUFFER, MIN_RADIUS, TINY = 1.5, 0.5, 1e-6
 
 # [L] update_waypoint: largest angle for integration, and largest integral, rad.
 SMALL_ANGLE, LARGEST_INTEGRAL = 5.0 * DEG, 0.1
+
+# [A] _vdot_filter: samples of the acceleration whose mean is used.
+AVERAGED = 5
+
+# [N] lookAheadAngle: largest curvature of the way back to the track, times the bound of the track
+# error: ``max of pi u cos(pi u^2 / 2)`` over u from 0 to 1.
+WAY_BACK = 1.6091
 
 # Endings of the roles of parameters that must be positive, because they divide.
 POSITIVE = ("period", "damping", "tc", "std", "acceleration")
@@ -114,11 +122,23 @@ class Npfg:
             period += near * min(highest - period, 0.0)
         return period
 
+    def way_back(self, V_g: float) -> float:
+        """Largest acceleration that the way back to a straight track needs, m/s^2.
+
+        `V_g`: speed over ground, m/s. If the roll cannot give it, the aircraft crosses the track on
+        its way back, and the distance from it grows.
+        """
+        return WAY_BACK * V_g / (self.x.damping * self._least_period(V_g))
+
     def linear(self, V_a: float) -> tuple[float, float]:
         """Rate of the course per error of it (1/s) and per distance over the airspeed (1/s^2)."""
-        m = Motion(0.0, V_a, (V_a, 0.0), (0.0, 0.0), V_a, 0.0, 0.0, 0.0, 0.0)
-        late = self.x.damping * self.period(m, Track(0.0, 0.0, 0.0, 0.0, 0.0), 1.0)
+        late = self.x.damping * self._least_period(V_a)
         return self.gain(late), self.gain(late) * math.pi / late
+
+    def _least_period(self, V_a: float) -> float:
+        """The period on a straight track in still air, s."""
+        m = Motion(0.0, V_a, (V_a, 0.0), (0.0, 0.0), V_a, 0.0, 0.0, 0.0, 0.0)
+        return self.period(m, Track(0.0, 0.0, 0.0, 0.0, 0.0), 1.0)
 
 
 def _parts(wind: tuple[float, float], bearing: float) -> tuple[float, float]:
@@ -262,18 +282,21 @@ class TecsOfArduPilot(Tecs):
     def start(self, m: Motion, V_sp: float) -> None:
         """Begin in steady flight."""
         super().start(m, V_sp)
+        self.accelerations: deque[float] = deque(maxlen=AVERAGED)
         self.drift = self.of_speed = 0.0
         self.h_asked = self.h_slow = m.h
 
     def climb_angle(self, m: Motion, track: Track, lower: float, upper: float) -> float:
         """The pitch over its trim (rad), within limits: [A] _update_pitch."""
         x, dt, g, late = self.x, self.dt, self.g, self.x.height_tc
-        off = m.V_a - self.V  # _update_speed: complementary filter
+        self.accelerations.append(m.V_dot)  # _update_speed: complementary filter
+        V_dot = sum(self.accelerations) / len(self.accelerations)
+        off = m.V_a - self.V
         self.drift += off * x.speed_omega**2 * dt
-        rate = self.drift + m.V_dot + off * x.speed_omega * math.sqrt(2.0)
+        rate = self.drift + V_dot + off * x.speed_omega * math.sqrt(2.0)
         V = self.V = max(self.V + rate * dt, 3.0)
         part = dt / (dt + late)
-        self.V_dot += part * (m.V_dot - self.V_dot)
+        self.V_dot += part * (V_dot - self.V_dot)
         # _update_height_demand; a commanded rate of climb moves the height
         self.h = self.h + track.slope * m.V_g * dt if track.h is None else track.h
         self.h_asked += limited(self.h - self.h_asked, -x.sink * dt, x.climb * dt)
@@ -283,7 +306,7 @@ class TecsOfArduPilot(Tecs):
         fast = 0.5 * (V * V - self.V_sp**2) * kinetic  # _SKE_est - _SKE_dem
         asked = rate * g * height + ((self.h_slow - m.h) * g * height + fast) / late
         asked = limited(asked, -x.sink * g, x.climb * g)
-        error = asked - (m.climb * g * height - V * (m.V_dot - self.V_dot) * kinetic)
+        error = asked - (m.climb * g * height - V * (V_dot - self.V_dot) * kinetic)
         total, scale = asked + error * x.damp, V * g
         more = error * x.integral * dt
         free = (total + self.integral + more + self.of_speed) / scale
@@ -359,6 +382,15 @@ class Guidance:
         level, steady = (north - wind[0], east - wind[1]), (wind[0], wind[1])
         theta = m.gamma if m.theta is None else m.theta
         return Motion(m.chi, m.V_g, level, steady, m.V_a, m.acceleration, -down, m.h, theta)
+
+    def way_back(self, V_g: float) -> float:
+        """Share of the roll that the way back to a straight track needs, at V_g over ground, m/s.
+
+        NPFG alone states this way; L1 flies to it at half a right angle at most, and needs less.
+        """
+        if not isinstance(self.course, Npfg):
+            return 0.0
+        return self.course.way_back(V_g) / (self.g * math.tan(self.roll_limit))
 
     def linear(self, V_a: float) -> tuple[list[float], list[float], list[float], list[float]]:
         """Gains of the linear loops about a straight level leg in still air, course and path angle.

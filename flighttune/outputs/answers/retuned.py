@@ -1,0 +1,106 @@
+"""The answer of a search for an autopilot's parameters."""
+
+from flighttune.base.words import listed
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.beside import margins_at
+from flighttune.outputs.answers.labels import columns
+from flighttune.studies.beside import CUT, YOURS
+from flighttune.studies.retune import TUNED, WEIGHTS, Candidate, Retuned
+
+CHANGES = columns("name old new range why", of="retuned")
+ACCURACY = columns("of yours tuned unit better flights share", of="retuned_errors")
+EMULATED = (
+    "All flights are of an emulation of guidance and height above the inner loop of this program, "
+    "not of the firmware. Of TECS its balance flies. The throttle is this aircraft's: the total "
+    "energy, the underspeed and the limits of the throttle of TECS are not emulated."
+)
+NOT_SEARCHED = (
+    "Not searched: the weight of the airspeed, which protects an aircraft whose engine fails, and "
+    "the time constants of roll and pitch, which belong to the inner loop."
+)
+
+# Why a parameter of the guidance was changed: what it sets, by its role.
+SETS = {
+    "period": "speed of the return to the track",
+    "damping": "overshoot of the track",
+    "height_tc": "speed of the return to the height",
+    "demand_tc": "filter of the commanded height",
+    "height_ahead": "rate of the commanded height",
+    "damp": "damping of the pitch",
+    "integral": "steady error of the height",
+}
+
+
+def answer(retuned: Retuned) -> Answer:
+    """Whether the parameters found are better, both on fresh draws, and the changes."""
+    rows, accuracy = changes(retuned), retuned.accuracy
+    said = sentence(retuned)
+    return Answer(
+        summary=[said, errors(retuned), margins(retuned)],
+        values={
+            "guidance": retuned.now.name,
+            "better": retuned.better,
+            "against": [*retuned.against],
+            "held_by": [*retuned.held_by],
+            "changes": rows,
+            "accuracy": accuracy,
+            "lost": {YOURS: retuned.start.lost, TUNED: retuned.best.lost},
+            "cost": {YOURS: retuned.start.cost, TUNED: retuned.best.cost},
+            "flights": retuned.flights,
+            "candidates": retuned.candidates,
+        },
+        tables=[
+            Table(CHANGES, rows, f"parameters of {retuned.now.name}"),
+            Table(ACCURACY, accuracy, "errors that 95 % of flights keep to"),
+        ],
+        notes=[*retuned.notes, EMULATED, NOT_SEARCHED],
+        failure="" if retuned.better else said,
+    )
+
+
+def changes(retuned: Retuned) -> list[dict[str, object]]:
+    """Old and new value, range and purpose of each changed parameter."""
+    old, ranges = retuned.start.law.parameters, {x["name"]: x["range"] for x in retuned.now.rows}
+    sets = {name: SETS[role] for name, role in retuned.searched.items()}
+    return [
+        {"name": name, "old": old[name], "new": value, "range": ranges[name], "why": sets[name]}
+        for name, value in retuned.changes.items()
+    ]
+
+
+def sentence(retuned: Retuned) -> str:
+    """Whether the result is better, the lost aircraft first."""
+    n, lost = retuned.plan.draws, f"{retuned.start.lost} | {retuned.best.lost}"
+    counted = f"Lost {lost} of {n} fresh draws, yours | tuned"
+    after = f"after {retuned.flights} flights of {retuned.candidates} candidates"
+    if retuned.against:
+        return f"{counted}. Nothing is written, {after}: {listed(retuned.against)}."
+    held = listed(retuned.held_by) or "no bound"
+    return f"{counted}. The tuned parameters are better, {after}; they are held by {held}."
+
+
+def errors(retuned: Retuned) -> str:
+    """Mean root mean square errors of both, and their cost."""
+    parts = [
+        f"{name} {old:.3g} | {new:.3g} {unit}"
+        for (name, (_, unit)), old, new in zip(
+            WEIGHTS.items(), retuned.start.errors, retuned.best.errors, strict=True
+        )
+    ]
+    weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items())
+    both = f"{retuned.start.cost:.3g} | {retuned.best.cost:.3g}"
+    return f"Root mean squares: {', '.join(parts)}; cost {both}, which is {weights}."
+
+
+def margins(retuned: Retuned) -> str:
+    """Margins of both loops, and the ratios of the rates of the commands."""
+
+    def of(candidate: Candidate, place: int) -> str:
+        return margins_at(candidate.margins, place)
+
+    cuts = "; ".join(
+        f"{name} {of(retuned.start, i)} | {of(retuned.best, i)}" for i, name in enumerate(CUT)
+    )
+    roll, lift = retuned.best.rates / retuned.start.rates
+    rates = f"{roll:.2f} and {lift:.2f} times yours"
+    return f"Margins: {cuts}. Rates of the commands of roll and lift: {rates}."

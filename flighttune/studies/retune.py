@@ -1,0 +1,470 @@
+"""An autopilot's own parameters, found by flights and counted beside those that are flown now."""
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from flighttune.base.answering import Answering
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
+from flighttune.base.files.whole import write_text
+from flighttune.base.words import listed
+from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.campaigns.planning.source import Flights
+from flighttune.campaigns.statistics.count import flights_needed
+from flighttune.campaigns.statistics.findings import findings_of
+from flighttune.campaigns.statistics.intervals import rate_interval
+from flighttune.claims import counted_flights, counting
+from flighttune.control.controller import LawSetup
+from flighttune.control.laws.autopilot import Autopilot, guidance
+from flighttune.control.limits import Limits
+from flighttune.control.margins import Margins
+from flighttune.flight import conditions
+from flighttune.flight.loop.run import Run
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.logs.parameter_file import changed_text, new_text, number_text
+from flighttune.logs.parameters import Flown, flown_now
+from flighttune.studies.beside import (
+    CONFIDENCE,
+    CUT,
+    EPSILON,
+    YOURS,
+    accuracy_of,
+    check_one_airspeed,
+    guidance_margins,
+    guided,
+    inner_loop_of,
+)
+
+TUNED = "tuned"
+
+# Cost of a flight: root mean squares of these signals, each times its weight.
+WEIGHTS = {"cross track": (1.0, "m"), "height": (1.0, "m"), "airspeed": (1.0, "m/s")}
+
+# Commands whose rates are bounded, by their columns, and the largest ratio of the root mean square
+# of a rate to that of the start.
+RATES, FASTER = {"roll": "phi_cmd", "load factor": "n_z_cmd"}, 2.0
+
+# Least margins of both loops.
+GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 35.0
+
+# A bound held the search if the result is within this share of it.
+ACTIVE = 0.05
+
+# Flights by default, draws of each candidate, candidates of a generation, and first step as a share
+# of the range of a parameter.
+BUDGET, DRAWS, POPULATION, STEP = 600, 6, 8, 0.15
+
+# Significant digits of a parameter.
+DIGITS = 3
+
+# Weights of what is worse than any cost: a broken bound, a lost aircraft, a missed requirement, and
+# rates beyond their bound.
+BROKEN, LOST, MISSED, HASTY = 1e9, 1e6, 1e3, 1e1
+
+# A range without an upper end is searched to so many times its default.
+OPEN = 4.0
+
+
+class Range(NamedTuple):
+    """A searched parameter, by a number from 0 to 1: logarithmic, or square root from zero on."""
+
+    name: str
+    low: float
+    high: float
+
+    def at(self, x: float) -> float:
+        """The value at a place from 0 to 1, in `DIGITS` digits, within the range."""
+        grows = self.low > 0.0
+        value = self.low * (self.high / self.low) ** x if grows else self.high * x * x
+        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+
+    def place(self, value: float) -> float:
+        """The place of a value, 0 to 1."""
+        value = min(max(value, self.low), self.high)
+        if self.low > 0.0:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return math.sqrt(value / self.high)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """Parameters with their margins and, if they were flown, what their flights cost."""
+
+    law: Autopilot
+    margins: Sequence[Margins]  # of both loops; none if unstable
+    way_back: float  # share of the roll that the way back to the track needs
+    lost: int = 0
+    missed: int = 0  # flights that miss a requirement
+    cost: float = math.inf  # mean over the completed flights
+    errors: FloatArray = field(default_factory=lambda: np.full(len(WEIGHTS), np.nan))
+    rates: FloatArray = field(default_factory=lambda: np.full(len(RATES), np.nan))
+
+    @cached_property
+    def held(self) -> dict[str, float]:
+        """Each bound that needs no flight, with the value over the bound: beyond 1 it is broken."""
+        if not self.margins:
+            return {"a stable loop": math.inf}
+        used = {}
+        for name, cut in zip(CUT, self.margins, strict=True):
+            gain = 20.0 * math.log10(min(cut.gain_increase, 1.0 / max(cut.gain_decrease, 1e-9)))
+            phase = math.degrees(cut.phase_margin)
+            used[f"the gain margin of {name}"] = GAIN_MARGIN_DB / max(gain, 1e-9)
+            used[f"the phase margin of {name}"] = PHASE_MARGIN_DEG / max(phase, 1e-9)
+        return used | {"the roll of the way back to the track": self.way_back}
+
+    @property
+    def allowed(self) -> bool:
+        """Whether all bounds that need no flight are kept."""
+        return max(self.held.values()) <= 1.0
+
+
+def numbers(run: Run, scenario: Scenario | None) -> list[float]:
+    """Root mean squares of the errors of a run, then of the rates of its commands."""
+    signals, V = run.signals, scenario.flight.V_a_mps if scenario else math.nan
+    errors = signals["cross_track"], signals["height_err"], signals["V_a"] - V
+    rates = (np.diff(signals[column]) / np.diff(run.t) for column in RATES.values())
+    return [math.sqrt(float(np.nanmean(np.square(x)))) for x in (*errors, *rates)]
+
+
+class Search:
+    """Flies candidates of one guidance on draws of a plan, and keeps all of them."""
+
+    def __init__(self, plan: Plan, start: Autopilot, pool: WorkerPool, draws: int) -> None:
+        self.plan, self.pool, self.draws, self.flights = plan, pool, draws, 0
+        self.scenario, self.model = plan.scenario, inner_loop_of(plan.scenario)
+        self.V_g = self.scenario.flight.V_a_mps + _wind(plan, draws)
+        limits = conditions.limits_on(self.scenario, self.scenario.aircraft)
+        self.roll_limit = float(min(limits.upper[0], -limits.lower[0]))
+        self.candidates: list[Candidate] = []
+        self.start = self.fly([start])[0]
+
+    def candidate(self, law: Autopilot) -> Candidate:
+        """A candidate that has not flown, with its margins."""
+        flight, dt = self.scenario.flight, 1.0 / self.scenario.controller.rate_hz
+        made = law.make(LawSetup(dt=dt, limits=Limits.none(2), g=flight.g_mps2))
+        made.roll_limit = min(made.roll_limit, self.roll_limit)
+        margins = guidance_margins(self.scenario, self.model, law)
+        on_route = self.scenario.route is not None
+        return Candidate(law=law, margins=margins, way_back=on_route * made.way_back(self.V_g))
+
+    def fly(self, laws: Sequence[Autopilot]) -> list[Candidate]:
+        """Candidates with their flights; those beyond a bound do not fly, but for the start."""
+        made = [self.candidate(law) for law in laws]
+        flying = {f"c{n}": x for n, x in enumerate(made) if x.allowed or not self.candidates}
+        rows = fly(self.plan, {n: x.law for n, x in flying.items()}, self.draws, self.pool)
+        self.flights += len(rows)
+        for n, candidate in enumerate(made):
+            own = rows[rows["gains"] == f"c{n}"]
+            made[n] = candidate if own.empty else with_flights(candidate, own)
+        self.candidates += made
+        return made
+
+    def value(self, candidate: Candidate) -> float:
+        """What the search minimises: bounds, then lost aircraft, requirements, rates and cost."""
+        if not candidate.allowed and candidate is not self.start:
+            return BROKEN * (1.0 + sum(max(x - 1.0, 0.0) for x in candidate.held.values()))
+        hasty = float(np.nanmax(candidate.rates / self.start.rates / FASTER, initial=1.0)) - 1.0
+        cost = candidate.cost / self.start.cost if candidate.cost < math.inf else 0.0
+        return LOST * candidate.lost + MISSED * candidate.missed + HASTY * hasty + cost
+
+    def descend(self, ranges: Sequence[Range], budget: int) -> None:
+        """Descend from the start within the ranges, up to `budget` flights."""
+        warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
+        import cma
+
+        # Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on places from 0 to 1.
+        start = self.start.law
+        begin = [x.place(start.parameters[x.name]) for x in ranges]
+        settings = {"popsize": POPULATION, "seed": 1, "bounds": [0.0, 1.0], "verbose": -9}
+        strategy = cma.CMAEvolutionStrategy(begin, STEP, settings)
+        while not strategy.stop() and self.flights + POPULATION * self.draws <= budget:
+            asked = strategy.ask()
+            values = ({r.name: r.at(x) for r, x in zip(ranges, y, strict=True)} for y in asked)
+            laws = [replace(start, parameters={**start.parameters, **x}) for x in values]
+            strategy.tell(asked, [self.value(x) for x in self.fly(laws)])
+
+    @property
+    def best(self) -> Candidate:
+        """The best candidate within the bounds; the start if none is better."""
+        inside = [x for x in self.candidates if x.allowed]
+        return min([self.start, *inside], key=self.value)
+
+
+def fly(plan: Plan, laws: Mapping[str, Autopilot], draws: int, pool: WorkerPool) -> pd.DataFrame:
+    """Rows of guidances on the first draws of a plan; ``gains`` has their names."""
+    if not laws:
+        return pd.DataFrame({"gains": []})
+    both = guided(plan, laws)
+    names = dict(zip(laws, both.groups, strict=False))
+    both = replace(both, groups=both.groups[:-1])
+    both = both.with_runs(draws * len(both.groups))
+    rows = list(pool.rows(both, range(both.runs), doing="searching", probes={"kept": numbers}))
+    frame = findings_of(pd.DataFrame(rows), both).rows
+    frame["gains"] = frame["gains"].map({group.gains: name for name, group in names.items()})
+    return frame
+
+
+def with_flights(candidate: Candidate, rows: pd.DataFrame) -> Candidate:
+    """A candidate with what its flights cost."""
+    done = rows[rows["status"] == "completed"]
+    lost = len(rows) - len(done)
+    missed = int((~done["success"].astype(bool)).sum())
+    if done.empty:
+        return replace(candidate, lost=lost)
+    kept = np.array(done["kept"].tolist(), dtype=float)
+    errors, rates = np.split(kept, [len(WEIGHTS)], axis=1)
+    return replace(
+        candidate,
+        lost=lost,
+        missed=missed,
+        cost=float(costs(errors).mean()),
+        errors=errors.mean(axis=0),
+        rates=rates.mean(axis=0),
+    )
+
+
+def costs(errors: FloatArray) -> FloatArray:
+    """Cost of flights with errors of shape (n, 3), as `WEIGHTS`."""
+    return np.asarray(errors @ np.array([weight for weight, _ in WEIGHTS.values()]))
+
+
+def _wind(plan: Plan, draws: int) -> float:
+    """Largest speed of the steady wind in the first draws of a plan, m/s."""
+    stated = plan.scenario.wind.speed_mps if plan.scenario.wind else 0.0
+    drawn = plan.with_runs(draws).parameters(0, draws)
+    return float(drawn["wind.speed_mps"].max()) if "wind.speed_mps" in drawn else float(stated or 0)
+
+
+def ranges_of(now: Flown, place: str) -> tuple[list[Range], list[str]]:
+    """The searched parameters with their published ranges, and notes on those left out."""
+    table = guidance()[now.law.period]
+    published = {
+        name: (default, low, high) for name, default, _, _, low, high in table["parameters"]
+    }
+    source = {row["name"]: row["from"] for row in now.rows}
+    stated = {name for name in table["searched"] if source[name] == place}
+    ranges = []
+    for name in table["searched"]:
+        default, low, high = published[name]
+        if name in stated:
+            ranges.append(Range(name, low, high if high < math.inf else OPEN * default))
+    absent = [name for name in table["searched"] if name not in stated]
+    if not ranges:
+        raise InputError(
+            f"{place}: must state one of {', '.join(table['searched'])}, which are searched, got "
+            "none that this version flies."
+        )
+    said = f"Not searched, as the file does not state them for this version: {listed(absent)}."
+    return ranges, [said] * bool(absent)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Retuned(Answering):
+    """A user's parameters and those that a search found, on the same fresh draws.
+
+    Attributes
+    ----------
+    now : Flown
+        The guidance with the user's parameters.
+    file : Path
+        The file or log with them.
+    plan : Plan
+        The fresh draws.
+    rows : DataFrame
+        A row for each flight of the count; ``gains`` is ``yours`` or ``tuned``.
+    start, best : Candidate
+        Both with the flights of the count.
+    flights, candidates : int
+        Numbers of all flights, and of candidates of which some never flew.
+    held_by : tuple of str
+        The bounds that hold the result.
+    against : tuple of str
+        Why the result is not written; empty if it is better.
+    notes : tuple of str
+        Sentences on parameters that were not searched, and on the aircraft.
+    """
+
+    now: Flown
+    file: Path
+    plan: Plan
+    rows: pd.DataFrame
+    start: Candidate
+    best: Candidate
+    flights: int
+    candidates: int
+    held_by: tuple[str, ...]
+    against: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """Changed parameters with their new values, by name."""
+        old = self.start.law.parameters
+        return {x: v for x, v in self.best.law.parameters.items() if v != old[x]}
+
+    @property
+    def searched(self) -> dict[str, str]:
+        """The parameters that a search may change, with their roles."""
+        table = guidance()[self.now.law.period]
+        return {x: role for x, _, role, *_ in table["parameters"] if x in table["searched"]}
+
+    @property
+    def accuracy(self) -> list[dict[str, Any]]:
+        """Bounds on errors of a new flight with both, and draws in which the result is better."""
+        return accuracy_of(self.rows, self.plan.draws, TUNED)
+
+    @property
+    def better(self) -> bool:
+        """Whether the result may be written."""
+        return not self.against
+
+    def save_parameters(self, path: str | Path) -> Path:
+        """Write the user's file with the changed values alone changed, and a comment.
+
+        Of a log: a new file of the changed parameters. InputError if the result is not better.
+        """
+        if self.against:
+            raise InputError(f"{path}: must be better to be written: {listed(self.against)}.")
+        if self.file.suffix.lower() in (".ulg", ".bin", ".tlog", ".log"):
+            px4 = self.now.law.period != "NAVL1_PERIOD"
+            text = new_text(self.changes, self.comment, px4=px4)
+        else:
+            text = changed_text(self.file, self.changes, self.comment)
+        return write_text(Path(path), text)
+
+    @property
+    def comment(self) -> list[str]:
+        """What was flown, in lines of the file that is written."""
+        old = self.start.law.parameters
+        changed = (
+            f"{x} {number_text(old[x])} to {number_text(v)}" for x, v in self.changes.items()
+        )
+        errors = (
+            f"{row['of']} {row[YOURS]:.3g} to {row[TUNED]:.3g} {row['unit']}"
+            for row in self.accuracy[:3]
+        )
+        aircraft = ", ".join(table.label for table in self.plan.scenario.plant)
+        return [
+            f"Changed by flighttune: {', '.join(changed)}.",
+            "Flown on an emulation of guidance and height above the inner loop of this program, "
+            "not on the firmware.",
+            f"Aircraft {aircraft}; {self.plan.campaign.title}; {self.plan.draws} fresh draws: lost "
+            f"{self.start.lost} with the old, {self.best.lost} with the new; {', '.join(errors)}.",
+        ]
+
+
+class Counts(NamedTuple):
+    """Numbers of flights of a search: in total, and fresh draws of the count."""
+
+    budget: int = BUDGET
+    fresh: int | None = None
+
+
+def retune(
+    stated: Flights, file: Path, version: str | None, counts: Counts, fliers: Fliers
+) -> Retuned:
+    """Search the parameters in a file on the first aircraft of a source, and count the result."""
+    now = flown_now(file, version)
+    plan = counting.drawn(stated, None, None, None, None)
+    if plan.scenario.route is None:
+        raise InputError(f"{stated.place}: must be a route, to search parameters, got none.")
+    check_one_airspeed(str(stated.place), plan.scenario)
+    with_others = counted_flights.distribution_of(plan.campaign, plan.groups[0].plant)
+    counted_flights.check_random(stated.place, with_others, plan.campaign.central)
+    with WorkerPool(fliers) as pool:
+        return _retuned(plan, now, file, counts, pool)
+
+
+def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPool) -> Retuned:
+    ranges, notes = ranges_of(now, file.name)
+    fresh = counts.fresh or flights_needed(EPSILON, CONFIDENCE, 1)
+    budget, least = counts.budget, 2 * fresh + (1 + POPULATION) * DRAWS
+    if budget < least:
+        raise InputError(
+            f"`budget` must be at least {least} flights, {2 * fresh} of them for the count on "
+            f"fresh draws, got {budget}."
+        )
+    drawn = {row["name"]: row["value"] for row in now.rows}
+    full = replace(
+        now.law, parameters={**{x.name: drawn[x.name] for x in ranges}, **now.law.parameters}
+    )
+    seen = replace(plan, campaign=plan.campaign.model_copy(update={"seed": plan.campaign.seed + 1}))
+    pool.progress.budget = budget
+    search = Search(seen, full, pool, DRAWS)
+    search.descend(ranges, budget - 2 * fresh)
+    best = search.best
+    laws = {YOURS: full, TUNED: best.law}
+    rows = fly(plan, laws, fresh, pool)
+    start, result = (
+        with_flights(search.candidate(law), rows[rows["gains"] == name])
+        for name, law in laws.items()
+    )
+    return Retuned(
+        now=now,
+        file=file,
+        plan=plan.with_runs(fresh),
+        rows=rows,
+        start=start,
+        best=result,
+        flights=search.flights + len(rows),
+        candidates=len(search.candidates),
+        held_by=(*_held_by(search, result, ranges),),
+        against=(*_against(start, result, rows),),
+        notes=(*notes, *now.notes),
+    )
+
+
+def _held_by(search: Search, best: Candidate, ranges: Sequence[Range]) -> list[str]:
+    """The bounds within `ACTIVE` of the result."""
+    used = dict(best.held)
+    ratios = best.rates / search.start.rates / FASTER
+    used |= {f"the rate of the commanded {x}": r for x, r in zip(RATES, ratios, strict=True)}
+    held = [name for name, share in used.items() if share >= 1.0 - ACTIVE]
+    places = {x: x.place(best.law.parameters[x.name]) for x in ranges}
+    low, high = ACTIVE / 5.0, 1.0 - ACTIVE / 5.0
+    return held + [f"the range of {x.name}" for x, at in places.items() if not low < at < high]
+
+
+def _against(start: Candidate, best: Candidate, rows: pd.DataFrame) -> list[str]:
+    """Reasons not to write the result, lost aircraft first; none if it is better."""
+    if best.law.parameters == start.law.parameters:
+        return ["no candidate was better than your parameters"]
+    n = len(rows) // 2
+    said = []
+    if best.lost > start.lost:
+        said.append(f"it loses {best.lost} of {n} aircraft, yours {start.lost}")
+    said += [f"{name} is beyond its bound" for name, used in best.held.items() if used > 1.0]
+    if best.missed > start.missed:
+        said.append(f"{best.missed} of {n} flights miss a requirement, {start.missed} with yours")
+    ratios = best.rates / start.rates
+    said += [
+        f"the commanded {name} moves {ratio:.2g} times as fast as with yours, beyond {FASTER:g}"
+        for name, ratio in zip(RATES, ratios, strict=True)
+        if ratio > FASTER
+    ]
+    done = rows[rows["status"] == "completed"]
+    of_draw = done.assign(
+        cost=costs(np.array([x[: len(WEIGHTS)] for x in done["kept"]]).reshape(-1, 3))
+    )
+    both = of_draw.pivot(index="draw", columns="gains", values="cost").reindex(
+        columns=[YOURS, TUNED]
+    )
+    both = both.dropna()
+    wins = int((both[TUNED] < both[YOURS]).sum())
+    low, _ = rate_interval(wins, len(both), CONFIDENCE, method="clopper-pearson")
+    if not (best.cost < start.cost and float(low) > 0.5):
+        said.append(
+            f"it costs {best.cost:.3g} a flight, yours {start.cost:.3g}, and less in {wins} of "
+            f"{len(both)} draws: that is not surely better"
+        )
+    return said

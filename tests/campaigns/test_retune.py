@@ -1,0 +1,208 @@
+"""An autopilot's parameters searched by flights, and written only if they are better."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import flighttune
+from made_up import made_up_run
+
+import flighttune as ft
+from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.claims import counting
+from flighttune.control.laws.autopilot import Autopilot, guidance
+from flighttune.control.margins import Margins
+from flighttune.logs.parameters import flown_now
+from flighttune.studies import retune
+from flighttune.studies.retune import Candidate, Range, Search, numbers, ranges_of
+
+CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
+SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
+PX4 = (
+    "# Vehicle: Fixed Wing\n# Version: 1.14.0\n1\t1\tNPFG_PERIOD\t{}\t9\n"
+    "1\t1\tNPFG_DAMPING\t0.7\t9\n1\t1\tFW_T_ALT_TC\t5\t9\n1\t1\tFW_T_PTCH_DAMP\t0.1\t9\n"
+)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("now") / "plane.params"
+    path.write_text(PX4.format(10.0))
+    return path
+
+
+@pytest.fixture(scope="module")
+def plan():
+    stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": ["paper"]})
+    return counting.drawn(stated, None, "paper", None, None)
+
+
+@pytest.fixture(scope="module")
+def search(plan):
+    with WorkerPool(Fliers(workers=1)) as pool:
+        yield Search(plan, Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0}), pool, draws=1)
+
+
+def guided_by(search, **parameters):
+    return search.candidate(Autopilot(name="now", parameters=parameters))
+
+
+def rows_of(yours, tuned):
+    """Rows of a count; of each draw the errors and rates, or None for a lost aircraft."""
+    rows = [
+        {"draw": n, "gains": name, "status": "completed" if kept else "diverged"}
+        | {"kept": kept, "success": bool(kept)}
+        for n, both in enumerate(zip(yours, tuned, strict=True))
+        for name, kept in zip(("yours", "tuned"), both, strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+GOOD, BETTER, LOST = [2.0, 3.0, 1.0, 0.1, 0.5], [1.0, 2.0, 1.0, 0.15, 0.6], None
+SAFE = Margins(loop="roll", gain_decrease=0.0, gain_increase=4.0, phase_margin=1.0, delay_margin=1)
+
+
+def against(rows, margins=(SAFE, SAFE), way_back=0.5, same=False):
+    laws = [Autopilot(name="x", parameters={"NPFG_PERIOD": p}) for p in (10.0, 10.0 if same else 7)]
+    start, best = (
+        retune.with_flights(
+            Candidate(law=law, margins=margins, way_back=way_back), rows[rows["gains"] == name]
+        )
+        for law, name in zip(laws, ("yours", "tuned"), strict=True)
+    )
+    return retune._against(start, best, rows)
+
+
+def test_what_is_better_on_fresh_draws_is_written():
+    assert against(rows_of([GOOD] * 9, [BETTER] * 9)) == []
+
+
+WEAK = replace(SAFE, gain_increase=1.9)  # 5.6 dB
+FAST = [1.0, 2.0, 1.0, 0.21, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "words"),
+    [
+        (rows_of([GOOD] * 9, [BETTER] * 8 + [LOST]), {}, "it loses 1 of 9 aircraft, yours 0"),
+        (rows_of([BETTER] * 9, [GOOD] * 9), {}, "not surely better"),
+        # 5 of 5 draws: 0.5 is not below the interval of Clopper and Pearson, 0.478 to 1
+        (rows_of([GOOD] * 5, [BETTER] * 5), {}, "in 5 of 5 draws: that is not surely better"),
+        (rows_of([GOOD] * 9, [BETTER] * 9), {"margins": (WEAK, SAFE)}, "gain margin of roll is"),
+        (rows_of([GOOD] * 9, [BETTER] * 9), {"margins": ()}, "stable loop is beyond its bound"),
+        (rows_of([GOOD] * 9, [BETTER] * 9), {"way_back": 1.1}, "way back to the track is beyond"),
+        (rows_of([GOOD] * 9, [FAST] * 9), {}, "commanded roll moves 2.1 times as fast"),
+        (rows_of([GOOD] * 9, [GOOD] * 9), {"same": True}, "no candidate was better"),
+    ],
+)
+def test_nothing_is_written_that_is_worse_or_loses_more_or_has_less_margin(rows, more, words):
+    assert words in " ".join(against(rows, **more))
+
+
+@pytest.mark.parametrize("period", guidance())
+def test_every_place_of_a_search_is_within_the_published_range(period):
+    table = guidance()[period]
+    published = {name: (low, high) for name, _, _, _, low, high in table["parameters"]}
+    for name in table["searched"]:
+        low, high = published[name]
+        searched = Range(name, low, min(high, 20.0))
+        values = [searched.at(x) for x in np.linspace(0.0, 1.0, 101)]
+        assert min(values) == pytest.approx(low)
+        assert all(low <= value <= high for value in values)
+        assert np.all(np.diff(values) >= 0.0)
+        # three digits are kept
+        assert searched.at(searched.place(values[40])) == pytest.approx(values[40], rel=5e-3)
+
+
+def test_what_a_file_does_not_state_is_not_searched(file):
+    ranges, notes = ranges_of(flown_now(file), file.name)
+    assert [x.name for x in ranges] == [
+        *("NPFG_PERIOD", "NPFG_DAMPING", "FW_T_ALT_TC", "FW_T_PTCH_DAMP")
+    ]
+    assert "FW_T_HRATE_FF and FW_T_I_GAIN_PIT" in notes[0]
+
+
+def test_errors_and_rates_of_a_flight_are_root_mean_squares():
+    t = np.linspace(0.0, 2.0 * math.pi, 10001)
+    signals = {"cross_track": 3.0 * np.sin(t), "height_err": 0.0 * t - 2.0, "V_a": 26.0 + 0.0 * t}
+    run = made_up_run(signals | {"phi_cmd": 0.5 * np.sin(2.0 * t), "n_z_cmd": 1.0 + 0.2 * t}, t)
+    scenario = ft.load_scenario("circuit")  # at 25 m/s
+    expected = [3.0 / math.sqrt(2.0), 2.0, 1.0, 1.0 / math.sqrt(2.0), 0.2]
+    assert numbers(run, scenario) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_margins_of_a_candidate_are_those_of_a_frequency_response(search):
+    # L = G (a s + b) / s^2 with the identified roll behind half a sample
+    (lag, _) = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
+    a, late = 4.0 * math.pi * 0.8 / 8.0, 0.8 * 8.0
+    s = 1j * np.geomspace(1e-2, 60.0, 200_001)
+    second = s**2 / lag.natural_frequency**2 + 2.0 * lag.damping * s / lag.natural_frequency + 1.0
+    L = np.exp(-s * (lag.delay + 0.01)) / ((1.0 + s * lag.lag) * second)
+    L = L * (a * s + a * math.pi / late) / s**2
+    crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
+    phase = np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
+
+    candidate = guided_by(search, NPFG_PERIOD=8.0, NPFG_DAMPING=0.8)
+
+    assert candidate.held["the phase margin of roll"] == pytest.approx(35.0 / phase, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_period_whose_way_back_is_steeper_than_the_roll_is_not_flown(search):
+    # look ahead by pi/2 (1 - e)^2 at a part e of the bound: the course turns on the way back by
+    # d(bearing)/de sin(bearing) V / (damping period), largest over e, by differences
+    e = np.linspace(0.0, 1.0, 100_001)
+    bearing = 0.5 * math.pi * (1.0 - (1.0 - e) ** 2)
+    turn = np.max(np.abs(np.gradient(bearing, e) * np.sin(bearing)))
+    free = {"NPFG_DAMPING": 0.8, "NPFG_LB_PERIOD": 0.0}
+    for period in (3.0, 4.0, 12.0):
+        candidate = guided_by(search, NPFG_PERIOD=period, **free)
+        roll = turn * search.V_g / (0.8 * period * 9.80665 * math.tan(search.roll_limit))
+        assert candidate.way_back == pytest.approx(roll, rel=1e-3)
+    before = search.flights
+    (steep,) = search.fly([guided_by(search, NPFG_PERIOD=3.0, **free).law])
+    assert not steep.allowed
+    assert search.flights == before
+    assert search.best is search.start
+    assert search.value(steep) > search.value(search.start)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["circuit_in_wind", "--with", "plane.param", "--out", "x.json"], ".params or .param"),
+        (["circuit_in_wind", "--with", "plane.param", "--success", "0.9"], "must be absent with"),
+        (["circuit", "--flights", "5"], "`flights` must be absent without the parameters"),
+        (["level_turn", "--with", "plane.param"], "must be a route"),
+        (["circuit_in_wind", "--with", "plane.param", "--budget", "9"], "at least 240 flights"),
+        (["circuit_in_wind", "--with", "other.param"], "must state one of NAVL1_PERIOD"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\n")
+    (tmp_path / "other.param").write_text("TECS_SPDWEIGHT,1\n")
+    assert words in flighttune("meet", *options, status=2)[1]
+
+
+@pytest.mark.soak
+def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
+    slow, out = tmp_path / "slow.params", tmp_path / "tuned.params"
+    slow.write_text(PX4.format(40.0))
+    options = ["--with", slow, "--flights", 8, "--budget", 140, "--out", out, "--workers", 1]
+    route = [
+        f"--set=route.waypoint={[dict(x) for x in SHORT['route.waypoint']]}".replace("':", "'=")
+    ]
+    said = flighttune("meet", "circuit_in_wind", *options, *route, status=0)[0]
+    now, then = (flown_now(x).law.parameters for x in (slow, out))
+    assert then["NPFG_PERIOD"] < now["NPFG_PERIOD"]
+    assert "emulation of guidance and height" in out.read_text()
+    changed = {x for x in now if now[x] != then[x]}
+    kept = [x for x in out.read_text().splitlines() if not x.startswith("# ")]
+    old = [x for x in slow.read_text().splitlines() if not x.startswith("# ")]
+    assert {a.split("\t")[2] for a, b in zip(old, kept, strict=True) if a != b} == changed
+    assert "tuned better in" in said
