@@ -27,6 +27,7 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MORE = ("--flights", "208")  # of the X8 more flights are lost than 93 allow
 # The braking of the law, 0.5: flights were counted before the scenario stated 0.25.
 BRAKING = ("--set", 'law="exact"')
+CLAIM = ("--epsilon", "0.05")
 EXACT = ("--navigation", "exact")  # as the page says: the room, without errors of the place
 ROUTES = {
     "circuit_in_wind": ("circuit_in_wind", "--turn-back", "30"),
@@ -53,7 +54,8 @@ def judged(name: str, folder: Path, flights: int) -> str:
     if not file.exists():
         program = Path(sys.executable).with_name("flighttune")
         subprocess.run(
-            [program, "mission", *ROUTES[name], *EXACT, "--out", band, "--workers", "1"], check=True
+            [program, "mission", *ROUTES[name], *EXACT, *CLAIM, "--out", band, "--workers", "1"],
+            check=True,
         )
     room, corridor = load_counted(file), load_counted(band)
     assert isinstance(room, TurnBack)

@@ -103,6 +103,8 @@ class Band(SignalBounds):
         infinite for a flight that was not completed.
     wind : ndarray, shape (N, 2) or (N, 0), m/s
         Wind at the start of each flight to the north and east, if the band uses it.
+    navigation : ndarray, shape (N, 2) or (N, 0), m
+        Largest errors of navigation of each flight along a route, beside it and in height.
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the counted flights that did not complete; empty for a
         file of version 0.3.0.

@@ -32,6 +32,10 @@ from flighttune.claims.unfinished import Unfinished, written_at
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 
+# Flights, after the one nearest to leaving, that JSBSim flies too: of large counts a tenth of the
+# scale has many flights, and each takes as long as ten to twenty compiled ones.
+NEXT = 5
+
 # Numbers of flights that the refusal of another number lists.
 SHOWN = 3
 
@@ -193,15 +197,17 @@ def _counted(
 def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
     """Repeat in JSBSim the flights that decide a count, if compiled flights are among them.
 
-    These are the flights outside, the flight nearest to leaving, and all within a tenth of it.
-    PlantError names the first difference.
+    These are the flights outside, the flight nearest to leaving, and the next `NEXT` within a tenth
+    of it. PlantError names the first difference.
     """
     compiled = pool.progress.compiled
     completed = counted.scores[np.isfinite(counted.scores)]
     if not (compiled.flights and len(completed)):
         return
     near = (1.0 - NEAR) * min(counted.scale, completed.max())
-    draws = counted.draws[np.isfinite(counted.scores) & (counted.scores >= near)].tolist()
+    last = np.sort(completed)[::-1][: int(np.sum(completed > counted.scale)) + 1 + NEXT].min()
+    decides = np.isfinite(counted.scores) & (counted.scores >= max(near, last))
+    draws = counted.draws[decides].tolist()
     with code.in_jsbsim():
         if differ := differing(counted, draws, pool):
             raise PlantError(

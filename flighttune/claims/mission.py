@@ -145,7 +145,6 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
-    resume: bool = False,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
     **by: Unpack[FlownBy],
 ) -> MissionOdds:
@@ -196,9 +195,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         source, else along a route a standard receiver and inertial unit.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
-        beside it, and from 250 flights on those counted so far, as ``OUT-unfinished.npz``.
-    resume : bool
-        Go on with the flights of a count that was ended before it had all of them.
+        beside it. From 250 flights on ``OUT-unfinished.npz`` has those counted so far, with which
+        the same count goes on if it was killed.
     seed, changes, run_code, workers, scheduler, observer : as for `band`
 
     Returns
@@ -225,8 +223,6 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     counted, written = counting.kept_band(source), None if out is None else Path(out)
     if counted is None:
-        if resume and written is None:
-            raise InputError("`resume` must be with `out`, beside which flights are kept.")
         file = written
         flown = _NewFlights(
             source=source,
@@ -235,11 +231,11 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             seed=seed,
             flights=flights,
             until_sure=until_sure,
-            unfinished=None if file is None else Unfinished.beside(file, resume=resume),
+            unfinished=None if file is None else Unfinished.beside(file),
         )
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
-        _check_absent({**of_flights, **own_count, "navigation": navigation, "resume": resume})
+        _check_absent({**of_flights, **own_count, "navigation": navigation})
         check_off_route(counted.about.signals, counted.flights.over)
         file = Path(source) if isinstance(source, str | Path) else written
         flown = _CountedFlights(band=counted)

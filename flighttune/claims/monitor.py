@@ -201,8 +201,8 @@ class Monitor(Counted, Watching):
 
     Attributes
     ----------
-    about, flights, extremes, wind, endings, compiled, scores, scale : as in a `Band`, for one
-        window
+    about, flights, extremes, wind, navigation, endings, compiled, scores, scale : as in a `Band`
+        For one window.
     watch : Watch
         The models and their limits; its `scores` and `alarm` take a run.
 

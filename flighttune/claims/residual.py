@@ -64,7 +64,7 @@ class Residual(SignalBounds):
 
     Attributes
     ----------
-    about, flights, extremes, wind, endings, compiled, scores, scale : as in a `Band`
+    about, flights, extremes, wind, navigation, endings, compiled, scores, scale : as in a `Band`
 
     Examples
     --------

@@ -30,34 +30,32 @@ def written_at(flights: int) -> list[int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unfinished:
-    """The file of a count that is not finished yet."""
+    """The file of a count that is not finished yet, from which the same command goes on."""
 
     file: Path
-    resume: bool  # whether a count goes on with the flights in the file
 
     @classmethod
-    def beside(cls, band: Path, *, resume: bool) -> "Unfinished":
+    def beside(cls, band: Path) -> "Unfinished":
         """The file of an unfinished count, beside the file that will hold it."""
-        return cls(file=Path(f"{band.with_suffix('')}-unfinished.npz"), resume=resume)
+        return cls(file=Path(f"{band.with_suffix('')}-unfinished.npz"))
 
     def begun(self, count: C, observer: CampaignObserver) -> C:
-        """The count with the flights in the file; InputError if they belong to another count."""
-        if not self.file.exists():
-            return count
-        if not self.resume:
-            observer.hear(f"{self.file} has flights of an unfinished count: --resume goes on.")
-            return count
+        """The count with the flights in the file, if they belong to it."""
 
         def flights_of(about: About) -> BandFlights:
-            # The learned shape is part of it, so that other numbers are found as well.
+            # The learned shape is part of it, so that an aircraft or a library that flies otherwise
+            # is found as well.
             if tables_of(about) != tables_of(count.about):
-                raise InputError(
-                    "must be of the count to be resumed, got one of other flights, aircraft or "
-                    "libraries, or with another claim; without --resume it is replaced."
-                )
+                raise InputError("its flights belong to another count")
             return count.flights
 
-        kept = read_counted(self.file, flights_of)
+        if not self.file.exists():
+            return count
+        try:
+            kept = read_counted(self.file, flights_of)
+        except InputError as error:
+            observer.hear(f"{error}: it is counted from the beginning.")
+            return count
         assert isinstance(kept, type(count))  # its kind is in `about`
         observer.hear(f"{self.file}: {len(kept.scores)} flights are counted already.")
         return kept

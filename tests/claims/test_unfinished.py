@@ -55,7 +55,7 @@ def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(tmp_path):
     ft.mission("circuit_in_wind", out=whole, **FEW)
 
     kept = killed(out, LEARNED + 9)
-    ft.mission("circuit_in_wind", out=out, resume=True, observer=seen, **FEW)
+    ft.mission("circuit_in_wind", out=out, observer=seen, **FEW)
 
     # kept after 4, 5, ... 9 flights
     assert seen.said == [f"{kept}: 9 flights are counted already."]
@@ -67,20 +67,24 @@ def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_unfinished_count_of_other_flights_or_another_claim_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [({"seed": 7}, "its flights belong to another count"), (None, "must be a band file")],
+)
+def test_an_unfinished_count_of_other_flights_is_not_gone_on_with(tmp_path, other, said):
     out, seen = tmp_path / "killed.npz", Seen()
     kept = killed(out, LEARNED + 6)
+    if other is None:
+        kept.write_bytes(b"damaged")
 
-    for other in ({"seed": 7}, {"epsilon": 0.25}, {"navigation": "exact"}):
-        with pytest.raises(ft.InputError, match="must be of the count to be resumed"):
-            ft.mission("circuit_in_wind", out=out, resume=True, **{**FEW, **other})
-    ft.mission("circuit_in_wind", out=out, observer=seen, **FEW)
-    assert seen.said == [f"{kept} has flights of an unfinished count: --resume goes on."]
+    ft.mission("circuit_in_wind", out=out, observer=seen, **{**FEW, **(other or {})})
+
+    (heard,) = seen.said
+    assert heard.startswith(str(kept))
+    assert said in heard
+    assert heard.endswith("it is counted from the beginning.")
+    assert len(ft.load(out).scores) == 14
     assert not kept.exists()
-    with pytest.raises(ft.InputError, match="`resume` must be with `out`"):
-        ft.mission("circuit_in_wind", resume=True, **FEW)
-    with pytest.raises(ft.InputError, match="`resume` must be absent for a band"):
-        ft.mission(out, resume=True)
 
 
 def test_little_of_a_long_count_is_lost_and_little_of_it_is_written():
