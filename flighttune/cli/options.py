@@ -4,12 +4,13 @@
 signature cannot state.
 """
 
+import os
 import re
 import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -60,6 +61,25 @@ def changes(settings: list[str]) -> dict[str, Any]:
     return values
 
 
+def gain_set_names() -> list[str]:
+    """Names of gain sets for a shell: those that any scenario knows, then those of the scenario."""
+    from flighttune.control.gains import PAPER_EPSILON
+    from flighttune.control.gains_keys import TUNED, TUNED_FOR_AIRCRAFT
+
+    # The parser gives nothing of a line that ends in an option without its value.
+    typed = os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS", "")
+    shipped = scenario_files()
+    files = [shipped.get(word, Path(word)) for word in typed.split()]
+    names: list[str] = []
+    for file in files:
+        if file.suffix == ".toml":
+            with suppress(OSError, ValueError):  # a shell completes other names all the same
+                sets = tomllib.loads(file.read_text(encoding="utf-8")).get("gains", [])
+                names += [x.get("name", "") if isinstance(x, dict) else str(x) for x in sets]
+    known = "paper", *PAPER_EPSILON, TUNED, *TUNED_FOR_AIRCRAFT
+    return [*dict.fromkeys([*known, *filter(None, names)])]
+
+
 # Functions that read the words of an option, and functions that list shell completions.
 READ: dict[str, Callable[[list[str]], Any]] = {
     "changes": changes,
@@ -71,6 +91,7 @@ COMPLETE: dict[str, Callable[[], Any]] = {
     "campaigns": campaign_files,
     "scenarios": scenario_files,
     "flights": lambda: [*campaign_files(), *scenario_files()],
+    "gains": gain_set_names,
 }
 
 # Endings of the files that commands write.

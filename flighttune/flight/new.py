@@ -9,6 +9,7 @@ from typing import Any
 import tomlkit
 
 from flighttune.base.errors import InputError, OutputError
+from flighttune.base.files.shipped import SCHEMAS
 from flighttune.base.files.whole import write_text
 from flighttune.base.units import DEG, G_PAPER, Degrees, Seconds
 from flighttune.base.words import pick
@@ -73,7 +74,9 @@ def new_scenario(
             raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
     document = _first(aircraft or AIRCRAFT, file.parent)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    write_text(file, _requiring(document, overshoot, settle) + (NEXT_HEAD + NEXT).format(**names))
+    schema = f"#:schema {(SCHEMAS / 'scenario.json').as_uri()}\n"  # completion in an editor
+    text = schema + _requiring(document, overshoot, settle)
+    write_text(file, text + (NEXT_HEAD + NEXT).format(**names))
     try:
         load_scenario(file)
     except BaseException:

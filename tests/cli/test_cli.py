@@ -183,9 +183,14 @@ def test_every_option_has_a_help_without_words_of_python(command):
         ("fly pa", {"paper", "paper_as_printed", "paper_identified", "paper_printed_limits"}),
         ("campaign first", {"first_campaign"}),
         ("ca", {"campaign"}),
+        ("fly paper --gains tuned", {"tuned", "tuned_identified", "tuned_fed_back"}),
+        ("fly own.toml --gains so", {"soft"}),
+        ("trim a", {"a4", "aerosonde"}),
     ],
 )
-def test_a_shell_completes_commands_and_names(typed, wanted, monkeypatch):
+def test_a_shell_completes_commands_and_names(typed, wanted, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("own.toml").write_text('[[gains]]\nname = "soft"')
     words = ["flighttune", *typed.split()]
     monkeypatch.setenv("_FLIGHTTUNE_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", " ".join(words))

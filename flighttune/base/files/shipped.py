@@ -11,6 +11,9 @@ from flighttune.base.files.whole import settle
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
+# JSON schemas of scenarios, campaigns and aircraft, which editors of TOML read.
+SCHEMAS = _PACKAGE / "base" / "schemas"
+
 # Environment variable with the folder of the user's aircraft.
 OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"
 

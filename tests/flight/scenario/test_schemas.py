@@ -1,0 +1,82 @@
+"""The JSON schemas that an editor reads accept every shipped file and refuse wrong keys."""
+
+import json
+import tomllib
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+import pytest
+from jsonschema import Draft202012Validator
+from schemas import MODELS, text_of
+
+from flighttune.base.files.shipped import (
+    SCHEMAS,
+    aircraft_folders,
+    campaign_files,
+    is_shipped,
+    scenario_files,
+)
+from flighttune.flight.new import new_scenario
+
+FILES = {
+    "scenario": [*scenario_files().values()],
+    "campaign": [*campaign_files().values()],
+    "aircraft": [x / "aircraft.toml" for x in aircraft_folders().values() if is_shipped(x)],
+}
+
+
+def refusals(kind, tables):
+    """Where an editor would mark the tables of a file."""
+    schema = json.loads((SCHEMAS / f"{kind}.json").read_text(encoding="utf-8"))
+    return [
+        ".".join(map(str, error.path)) for error in Draft202012Validator(schema).iter_errors(tables)
+    ]
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_the_shipped_schemas_are_those_of_the_models(kind):
+    shipped = (SCHEMAS / f"{kind}.json").read_text(encoding="utf-8")
+
+    assert shipped == text_of(MODELS[kind]), "run python docs/schemas.py"
+    Draft202012Validator.check_schema(json.loads(shipped))
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_every_shipped_file_is_valid(kind):
+    wrong = {
+        file.name: found
+        for file in FILES[kind]
+        if (found := refusals(kind, tomllib.loads(file.read_text(encoding="utf-8"))))
+    }
+
+    assert FILES[kind]
+    assert wrong == {}
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "place"),
+    [
+        ("scenario", {"limit": {}}, ""),
+        ("scenario", {"flight": {"duration_s": 20.0, "speed": 3.0}}, "flight"),
+        ("scenario", {"limits": {"phi_deg": "45"}}, "limits.phi_deg"),
+        ("scenario", {"law": 3}, "law"),
+        ("scenario", {"seed": -1}, "seed"),
+        ("campaign", {"runs": 0}, "runs"),
+        ("aircraft", {"title": 5}, "title"),
+    ],
+)
+def test_a_wrong_key_or_value_is_marked_where_it_stands(kind, change, place):
+    file = {"scenario": scenario_files()["paper"]}.get(kind, FILES[kind][0])
+
+    assert place in refusals(kind, tomllib.loads(file.read_text(encoding="utf-8")) | change)
+
+
+def test_a_new_scenario_names_its_schema(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = new_scenario("mine").read_text(encoding="utf-8")
+
+    key, _, uri = text.partition("\n")[0].partition(" ")
+
+    assert key == "#:schema"
+    assert Path(unquote(urlparse(uri).path)) == SCHEMAS / "scenario.json"
+    assert refusals("scenario", tomllib.loads(text)) == []
