@@ -8,7 +8,7 @@ from typing import Any
 
 from flighttune.base.public import modules_of, public_value
 
-__version__ = "0.4.0"
+__version__ = "0.5.0"
 
 
 def __getattr__(name: str) -> Any:
