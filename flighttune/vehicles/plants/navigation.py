@@ -163,8 +163,8 @@ class Navigation:
         flight begin with those of a shorter one.
         """
         n, (level, vertical) = samples, axes(replace(self, seed=0, fault=None), dt)
-        (north, v_north, _), (east, v_east, tilt) = (level.drawn(n, self._rng(i)) for i in (0, 1))
-        h, v_up = vertical.drawn(n, self._rng(2))
+        (north, v_north, _), (east, v_east, tilt) = level.drawn(n, self._rng(0), self._rng(1))
+        ((h, v_up),) = vertical.drawn(n, self._rng(2))
         scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
         # A share of the dynamic pressure, taken for height: divided by the weight of the air.
         h += self.height_of_q * of_q * V_a * V_a / (2.0 * G_0)
@@ -397,39 +397,39 @@ class Axis:
         of_modes = factors, errors, np.linalg.inv(errors)
         return tuple(np.asarray(x, dtype=np.complex128) for x in of_modes)
 
-    def drawn(self, samples: int, rng: np.random.Generator) -> FloatArray:
-        """Errors of the output at each sample, shape (shown, samples)."""
+    def drawn(self, samples: int, *rngs: np.random.Generator) -> FloatArray:
+        """Errors of the output at each sample, by generator, shape (rngs, shown, samples)."""
         n, q, r, w = len(self.before), len(self.slow), self.noise.shape[1], len(self.driven)
-        first, fixes = (
-            _mapped(self.start, rng.standard_normal(n).tolist()),
-            -(-samples // self.every),
-        )
-        white = rng.standard_normal((fixes, q + r + self.every * w)).T
+        fixes = -(-samples // self.every)
+        first = np.array([_mapped(self.start, rng.standard_normal(n).tolist()) for rng in rngs]).T
+        drawn = [rng.standard_normal((fixes, q + r + self.every * w)).T for rng in rngs]
+        white = np.stack(drawn, axis=1)  # in rows, because each is used whole
         slow = [
-            wander(noise, sd, decay, float(at))
+            wander(noise, sd, decay, at)
             for noise, (sd, decay), at in zip(white[:q], self.slow, first[n - q :], strict=True)
         ]
-        parts = self._periods(slow, white[q : q + r], white[q + r :].reshape(self.every, w, fixes))
+        of_steps = white[q + r :].reshape(self.every, w, len(rngs), fixes)
+        parts = self._periods(slow, [*white[q : q + r]], of_steps)
         factors, errors, inverse = self.modes
         pushed = zip(*(_mapped(x, parts[-1]) for x in (inverse.real, inverse.imag)), strict=True)
-        begun = inverse @ first[: n - q]
+        begun = np.array([inverse @ one for one in np.ascontiguousarray(first[: n - q].T)]).T
         moved = [_recursion(*x) for x in zip(factors, begun, pushed, strict=True)]
         real, imag = [x.real for x in moved], [x.imag for x in moved]
-        out = np.empty((self.shown, fixes, self.every))
+        out = np.empty((len(rngs), self.shown, fixes, self.every))
         for i, part in enumerate(parts):
             of_modes = self.maps[i][: self.shown, : n - q] @ errors
             free = zip(_mapped(of_modes.real, real), _mapped(of_modes.imag, imag), strict=True)
             for j, (a, b) in enumerate(free):
-                out[j, :, i] = part[j] + (a - b)
-        return out.reshape(self.shown, -1)[:, :samples]
+                out[:, j, :, i] = part[j] + (a - b)
+        return out.reshape(len(rngs), self.shown, -1)[:, :, :samples]
 
     def _periods(
-        self, slow: Sequence[FloatArray], of_fix: FloatArray, of_steps: FloatArray
+        self, slow: Sequence[FloatArray], of_fix: Sequence[FloatArray], of_steps: FloatArray
     ) -> list[list[FloatArray]]:
         """Errors after each sample of a period that begins with zero errors, for all periods."""
         n, q = len(self.before), len(self.slow)
-        parts, z = [], [np.zeros(of_steps.shape[-1])] * (n - q) + [*slow]
-        added = _mapped(self.noise, [*of_fix])
+        parts, z = [], [np.zeros(of_steps.shape[-2:])] * (n - q) + [*slow]
+        added = _mapped(self.noise, of_fix)
         for i in range(self.every):
             z = _mapped(self.before, z)
             for (j, sd), noise in zip(self.driven.items(), of_steps[i], strict=True):
@@ -444,26 +444,35 @@ class Axis:
 def _mapped(matrix: FloatArray, values: Sequence[Any]) -> list[Any]:
     """A matrix times rows of values."""
     # Products are summed one by one: the last bit of NumPy's product may depend on the length.
-    zero = 0.0 * values[0]
-    rows = matrix.tolist()
-    return [
-        sum((x * value for x, value in zip(row, values, strict=True) if x), zero) for row in rows
-    ]
+    return [_sum_of(row, values) for row in matrix.tolist()]
 
 
-def wander(white: FloatArray, sd: float, decay: float, start: float | None = None) -> FloatArray:
-    """A first-order Gauss-Markov sequence driven by white noise; stationary without a `start`."""
+def _sum_of(row: Sequence[float], values: Sequence[Any]) -> Any:
+    """The sum of factors times values, in order."""
+    parts = [
+        value if x == 1.0 else x * value for x, value in zip(row, values, strict=True) if x
+    ] or [0.0 * values[0]]
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return total
+
+
+def wander(white: FloatArray, sd: float, decay: float, start: Any = None) -> FloatArray:
+    """First-order Gauss-Markov sequences driven by white noise; stationary without a `start`."""
     from scipy.signal import lfilter
 
     fresh = white * (sd * math.sqrt(1.0 - decay * decay))
-    begun = sd * white[0] if start is None else start
-    return lfilter([1.0], [1.0, -decay], np.concatenate(([begun], fresh[1:])))
+    fresh[..., 0] = sd * white[..., 0] if start is None else start
+    return lfilter([1.0], [1.0, -decay], fresh)
 
 
-def _recursion(factor: complex, start: complex, pushed: tuple[FloatArray, FloatArray]) -> Complexes:
+def _recursion(
+    factor: complex, start: Complexes, pushed: tuple[FloatArray, FloatArray]
+) -> Complexes:
     """A mode at the start of each period, driven by the input of the periods before."""
     from scipy.signal import lfilter
 
     real, imag = pushed
-    driven = np.concatenate(([start], real[:-1] + 1j * imag[:-1]))
+    driven = np.concatenate([start[:, None], real[:, :-1] + 1j * imag[:, :-1]], axis=1)
     return lfilter([1.0], [1.0, -factor], driven)
