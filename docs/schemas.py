@@ -8,6 +8,7 @@ from site_reference import _models, meanings
 from flighttune.base.files.shipped import SCHEMAS
 from flighttune.base.quantities import Table
 from flighttune.campaigns.planning.schema import CampaignTable
+from flighttune.claims.rates_keys import RatesTable
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 
@@ -15,6 +16,7 @@ MODELS: dict[str, type[Table]] = {
     "scenario": Scenario,
     "campaign": CampaignTable,
     "aircraft": AircraftConfig,
+    "rates": RatesTable,
 }
 
 

@@ -11,7 +11,7 @@ from flighttune.base.files.whole import settle
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
-# JSON schemas of scenarios, campaigns and aircraft, which editors of TOML read.
+# JSON schemas of scenarios, campaigns, aircraft and rates, which editors of TOML read.
 SCHEMAS = _PACKAGE / "base" / "schemas"
 
 # Environment variable with the folder of the user's aircraft.

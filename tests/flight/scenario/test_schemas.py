@@ -71,6 +71,14 @@ def test_a_wrong_key_or_value_is_marked_where_it_stands(kind, change, place):
     assert place in refusals(kind, tomllib.loads(file.read_text(encoding="utf-8")) | change)
 
 
+def test_rates_of_faults_are_checked_by_their_schema():
+    fault = {"kind": "engine", "per_hour": 1e-4, "source": "the maker"}
+
+    assert refusals("rates", {"fault": [fault]}) == []
+    assert refusals("rates", {"fault": [fault | {"per_hour": 2.0}]}) == ["fault.0.per_hour"]
+    assert refusals("rates", {"faults": [fault]})
+
+
 def test_a_new_scenario_names_its_schema(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = new_scenario("mine").read_text(encoding="utf-8")
