@@ -423,7 +423,7 @@ def _draws(plan: Plan) -> list[dict[str, Any]] | None:
 
 
 def _at_sample(t: float, scenario: Scenario) -> float:
-    """The first sample of the law from a time on, s: JSBSim has what fails fail there."""
+    """The first sample of the law from a time on, s: there airframe and receiver fail together."""
     rate = scenario.controller.rate_hz
     return math.ceil(t * rate - 1e-6) / rate
 

@@ -37,7 +37,7 @@ AIRFRAME = {
 
 def fault(**of):
     """Keys of an aircraft on which something fails after a second."""
-    return {"plant": {"airframe": {"fault": {"from_s": 1.0, **of}}}}
+    return {"plant": {"airframe": {"fault": {"from_s": 1.0} | of}}}
 
 
 def tables(name="exact_law", *, aircraft="aerosonde", duration_s=4.0, plant=None, **changes):
@@ -88,6 +88,7 @@ CASES = {
     "throttle fails": {"plant": {"throttle_max": 0.2, "throttle_max_from_s": 1.0}},
     "actuators slow down": fault(actuator_lag_factor=4.0),
     "rudder stuck": fault(rudder_stuck_deg=2.0),
+    "engine fails between two samples": fault(throttle_factor=0.1, from_s=1.007),
     "long samples": {"controller": {"rate_hz": 10.0}},
     "ground": {"flight": {"ground_m": 400.0}},
 }  # fmt: skip

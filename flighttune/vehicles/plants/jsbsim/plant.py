@@ -296,15 +296,16 @@ class JSBSimPlant:
         self._write_n_z_cmd(n_z_cmd)
         for command in n_x:
             self._write_n_x_cmd(command)
-        while self._changes and self._changes[-1][0] <= self._flown + _STEP_SHARE:
-            _, write, value = self._changes.pop()
-            write(value)
-        self._flown += duration
+        run, end = self._run, self._flown + duration
+        if self._changes and self._changes[-1][0] < end:
+            run = self._run_after_changes
+        else:
+            self._flown = end
         if not (isfinite(phi_cmd) and isfinite(n_z_cmd)):
             commands = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
             return self._end("diverged", f"commands must be finite, got {commands}.")
         # `run` is false where JSBSim itself ends the run, as on the ground.
-        run, inside, going = self._run, self._inside, True
+        inside, going = self._inside, True
         try:
             for chunk in chunks:
                 for _ in chunk:
@@ -326,6 +327,14 @@ class JSBSimPlant:
                 "envelope."
             )
         return self._end(*why)
+
+    def _run_after_changes(self) -> bool:
+        """An integration step, after the changes that are due."""
+        while self._changes and self._changes[-1][0] <= self._flown + _STEP_SHARE / self.rate:
+            _, write, value = self._changes.pop()
+            write(value)
+        self._flown += 1.0 / self.rate
+        return self._run()
 
     def count_steps(self, duration: float) -> int:
         """Integration steps of a duration (s); an InputError if they are no whole number."""
