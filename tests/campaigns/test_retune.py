@@ -192,7 +192,7 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
 @pytest.mark.soak
 def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
     slow, out = tmp_path / "slow.params", tmp_path / "tuned.params"
-    slow.write_text(PX4.format(40.0))
+    slow.write_text(PX4.format(80.0))
     options = ["--with", slow, "--flights", 8, "--budget", 140, "--out", out, "--workers", 1]
     route = [
         f"--set=route.waypoint={[dict(x) for x in SHORT['route.waypoint']]}".replace("':", "'=")

@@ -20,7 +20,7 @@ def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found
         steps = {step["adds"]: step["metrics"][channel]["ITAE"] for step in found["contributions"]}
         largest = max(steps, key=lambda adds: abs(steps[adds]))
         assert found["cause"][channel] == {"adds": largest, "ITAE": steps[largest]}
-        (said,) = (note for note in found["notes"] if note.startswith(name))
+        (said,) = (note for note in found["summary"] if note.startswith(name))
         for part in (f"{first:.2f} rad s²", f"{last:.2f} on", f"{steps[largest]:+.2f} ({largest})"):
             assert part in said
         assert said in Path(found["page"]).read_text(encoding="utf-8").replace("&#39;", "'")

@@ -12,6 +12,7 @@ guarantee of the common matrix. Answers are checked by eigenvalues before they a
 """
 
 import math
+import warnings
 from contextlib import suppress
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -100,7 +101,12 @@ def _upper_triangle(n: int) -> tuple[Indices, Indices, Indices]:
 def _bartels_stewart(A: FloatArray, S: FloatArray) -> FloatArray:
     from scipy.linalg import solve_continuous_lyapunov
 
-    Q = np.array([solve_continuous_lyapunov(a.T, -s) for a, s in zip(A, S, strict=True)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # SciPy perturbs what has no solution
+        try:
+            Q = np.array([solve_continuous_lyapunov(a.T, -s) for a, s in zip(A, S, strict=True)])
+        except RuntimeWarning as error:
+            raise np.linalg.LinAlgError(str(error)) from error
     return (Q + Q.mT) / 2.0
 
 

@@ -9,6 +9,7 @@ from made_up import made_up_scenario
 from scipy.integrate import quad
 
 import flighttune as ft
+from flighttune.control.tuning import shaped
 from flighttune.control.tuning.shaped import GustLoop
 from flighttune.vehicles.plants.weather import turbulence_scales
 
@@ -107,6 +108,25 @@ def test_gains_in_turbulence_decay_at_half_the_rate_of_the_largest_R_K():
 
     assert rate == pytest.approx(0.5 * whole, rel=1e-4)
     assert in_turbulence.agreeing == 2  # the searches from both starts
+
+
+@pytest.mark.parametrize("lost", [[1.6], [1.6, 2.0]])
+def test_a_search_that_loses_the_integral_is_left_out(monkeypatch, lost):
+    """SciPy's search may fail at a bound; without an integral, errors stay for ever."""
+    end, begun = shaped._Search.end, []
+
+    def failing(self, z, room, **options):
+        if z[0] == z[1]:  # a start: all gains have the same factor
+            begun.append(z[0])
+        kept = begun[-1] not in lost
+        return end(self, z, room, **options) * np.array([1.0, kept, 1.0])
+
+    monkeypatch.setattr(shaped._Search, "end", failing)
+    most = 1.5 + 0.01 * len(lost)  # results are remembered
+    result = ft.tune(scenario(objective="rms", sensitivity_max=most, feedback=True), starts=3)
+
+    assert result.status == "optimal"
+    assert result.spectral_abscissa < -0.1
 
 
 @pytest.mark.soak
