@@ -410,22 +410,12 @@ def _flown(
 
 
 def _draws(plan: Plan) -> list[dict[str, Any]] | None:
-    """Draws of a plan whose faults begin at a sample of the law; both tables of one together."""
-    keys = [key for key in (OF_AIRFRAME, OF_RECEIVER) if key in plan.keys]
-    if not keys:
+    """Draws in which the receiver fails at the time from which the ending counts; else None."""
+    navigation = plan.scenario.navigation
+    if OF_AIRFRAME not in plan.keys or navigation is None or navigation.fault is None:
         return None
-    navigation, drawn = plan.scenario.navigation, []
-    both = navigation is not None and navigation.fault is not None
-    for values in map(plan.values_of, range(plan.draws)):
-        from_s = _at_sample(values[keys[0]], plan.scenario)
-        drawn.append({**values, keys[0]: from_s, **({OF_RECEIVER: from_s} if both else {})})
-    return drawn
-
-
-def _at_sample(t: float, scenario: Scenario) -> float:
-    """The first sample of the law from a time on, s: there airframe and receiver fail together."""
-    rate = scenario.controller.rate_hz
-    return math.ceil(t * rate - 1e-6) / rate
+    drawn = map(plan.values_of, range(plan.draws))
+    return [{**values, OF_RECEIVER: values[OF_AIRFRAME]} for values in drawn]
 
 
 def _plan_of(
@@ -446,7 +436,7 @@ def _plan_of(
         drawn.append(Uniform(key="navigation.fault.course_deg", lower=-180.0, upper=180.0))
         own = {"from_s": 0.0}
     if not kind.receiver or cut:
-        own |= {"ended_after_s": _at_sample(ended_s or 0.0, plan.scenario)} if cut else {}
+        own |= {"ended_after_s": ended_s} if cut else {}
         for plant in tables["plant"]:
             if plant["kind"] == "jsbsim":
                 plant["airframe"] = {**(plant.get("airframe") or {}), "fault": own}

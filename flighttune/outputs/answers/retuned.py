@@ -11,8 +11,8 @@ CHANGES = columns("name old new range why", of="retuned")
 ACCURACY = columns("of yours tuned unit better flights share", of="retuned_errors")
 EMULATED = (
     "All flights are of an emulation of guidance and height above the inner loop of this program, "
-    "not of the firmware. Of TECS its balance flies. The throttle is this aircraft's: the total "
-    "energy, the underspeed and the limits of the throttle of TECS are not emulated."
+    "not of the firmware. The emulation flies the energy balance of TECS. The throttle is this "
+    "aircraft's: the total energy, the underspeed and the throttle limits of TECS are left out."
 )
 NOT_SEARCHED = (
     "Not searched: the weight of the airspeed, which protects an aircraft whose engine fails, and "
