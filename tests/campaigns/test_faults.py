@@ -400,19 +400,27 @@ def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp
 
 
 @pytest.mark.counts
-def test_a_worker_of_a_cluster_that_is_lost_costs_no_run(tmp_path, ours, undisturbed):
+@pytest.mark.parametrize(
+    "end", [psutil.Process.kill, psutil.Process.suspend], ids=["dies", "hangs"]
+)
+def test_a_worker_of_a_cluster_that_is_lost_costs_no_run(
+    tmp_path, ours, undisturbed, monkeypatch, end
+):
+    # The scheduler, and not the campaign, decides after how long without a sign a worker is lost.
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL", "5s")
     lost = []
 
-    def kill(progress):
+    def lose(progress):
         if progress.done and not lost:
             started = psutil.Process().children()
             lost.extend(p for p in started if {"dask", "worker"} <= {*p.cmdline()})
-            lost[0].kill()
+            for process in (*children(lost[0]), lost[0]):
+                end(process)
         return False
 
     with dask_cluster(tmp_path, workers=2) as (scheduler_address, _):
         done = ft.run_campaign(
-            ours, tmp_path / "out", scheduler=scheduler_address, observer=Notes(kill)
+            ours, tmp_path / "out", scheduler=scheduler_address, observer=Notes(lose)
         )
 
     assert len(lost) == 2
