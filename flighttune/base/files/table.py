@@ -189,6 +189,9 @@ MAX_BYTES = 16_000_000
 # Each value may be a mistake of its own.
 MAX_TOML, MAX_VALUES = 2**20, 2**16
 
+# Maximum brackets and braces that open in a JSON file: an empty object takes 21 times its text.
+MAX_JSON = 2**20
+
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 # A dotted key of over 32 parts: `tomllib` takes minutes for 100,000. The expression begins only
@@ -265,6 +268,8 @@ def _large_integer(tables: dict[str, Any]) -> list[str]:
 
 
 def _json(text: str) -> Any:
+    if (opened := text.count("[") + text.count("{")) > MAX_JSON:
+        raise ValueError(f"it must have at most {MAX_JSON} lists and objects, got {opened}")
     return json.loads(text, object_pairs_hook=_unique)
 
 

@@ -68,6 +68,14 @@ def test_what_no_file_of_ours_holds_is_refused_in_one_line(
     assert re.search(message, refusal(read, path))
 
 
+@pytest.mark.parametrize("least", ["[],", "{},"])
+def test_a_json_file_of_more_lists_than_memory_holds_is_refused_unread(tmp_path, least):
+    text = '{"a":[' + least * 1_048_576 + "0]}"
+
+    said = refusal(ft.load_gains, written(tmp_path / "many.json", text))
+    assert "at most 1048576 lists and objects, got 1048578" in said
+
+
 @pytest.mark.slow
 @EVERY_READER
 def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, suffix):

@@ -176,6 +176,50 @@ def test_texts_that_unpack_to_much_are_refused_unread(tmp_path, monkeypatch):
         ft.load(tmp_path / "run.parquet")
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": "zstd", "data_page_version": "2.0"},
+        {"compression": "none", "use_dictionary": False},
+        {"data_page_size": 100, "write_page_checksum": True},
+        {"compression": "gzip", "row_group_size": 300, "write_page_index": True},
+    ],
+)
+def test_pages_are_as_large_as_the_metadata_of_their_column_state(options):
+    texts, holes = [f"{i % 77}" for i in range(2000)], [None if i % 3 else i for i in range(2000)]
+    lists = [[1.0] * (i % 4) for i in range(2000)]
+    table = pa.table({"x": np.random.default_rng(1).normal(size=2000), "t": texts, "n": holes})
+    sink = pa.BufferOutputStream()
+    pq.write_table(table.append_column("l", [lists]), sink, **options)
+    data = sink.getvalue().to_pybytes()
+
+    stated = parquet.opened(data).metadata
+    columns = [
+        stated.row_group(i).column(j) for i in range(stated.num_row_groups) for j in range(4)
+    ]
+    for column in columns:
+        assert sum(parquet.pages(data, column)) == column.total_uncompressed_size
+
+
+def test_a_page_that_claims_more_than_its_metadata_is_refused_unread(monkeypatch):
+    monkeypatch.setattr(parquet, "MAX_BYTES", 1_000_000)
+    sink = pa.BufferOutputStream()
+    numbers = pa.table({"x": np.zeros(50_000)})
+    pq.write_table(numbers, sink, compression="zstd", use_dictionary=False, data_page_size=2**20)
+    data = sink.getvalue().to_pybytes()
+    assert data[4:7] == b"\x15\0\x15"  # the type of the first page, then its size: an integer
+    assert data[7] > 127 < data[8]  # of three bytes
+    assert data[9] < 128
+
+    parquet.opened(data)
+    largest = b"\xfe\xff\x7f"  # 1,048,575
+    with pytest.raises(ft.RecordingError, match=r"unpack to at most 1000000 bytes, got 1[0-9]{6}"):
+        parquet.opened(data[:7] + largest + data[10:])
+    with pytest.raises(ft.RecordingError, match="its pages must have whole headers"):
+        parquet.opened(data[:4] + b"\xff" * 20 + data[24:])
+
+
 def test_no_run_is_written_that_could_not_be_read(four_runs):
     text, _, digest = records.parts_of(four_runs[0])
 
