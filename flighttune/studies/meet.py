@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, Unpack, overload
@@ -143,6 +143,38 @@ def flights_to_meet(
     return campaign_on(table, scenario.model_copy(update=changed), scenario.title)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """What gains shall meet: requirements of scenarios, or those of one on draws of a campaign."""
+
+    scenarios: Sequence[Scenario]
+    law_table: LawTable
+    dispersed: Campaign | None
+    success: float = 1.0  # share of the draws that must meet all
+    until_sure: bool = False
+
+    def flights(self, dispersed: Campaign | None) -> list[Campaign]:
+        """Campaign of each scenario."""
+        return [flights_to_meet(x, self.law_table, dispersed) for x in self.scenarios]
+
+    def search(self, pool: WorkerPool, metric: str) -> "Search":
+        """A search on draws of another seed than those of the count."""
+        if (counted := self.dispersed) is None:
+            return Search(self.flights(None), self.law_table.law, pool, metric=metric)
+        seen = counted.model_copy(update={"design": "random", "seed": counted.seed + 1})
+        drawn = self.flights(seen)
+        options = {"draws": whole_cycles(drawn[0], DRAWS), "success": self.success}
+        return Search(drawn, self.law_table.law, pool, metric=metric, **options)
+
+    @property
+    def fresh(self) -> int:
+        """Draws of the count: those of the campaign, and at least `COUNTED`; 0 without one."""
+        if self.dispersed is None:
+            return 0
+        groups = len(self.dispersed.nominal.gain_names) * len(self.dispersed.nominal.plant)
+        return whole_cycles(self.dispersed, max(COUNTED, (self.dispersed.runs or 0) // groups))
+
+
 class Search:
     """Flies candidates of one law in campaigns, and keeps all of them."""
 
@@ -168,7 +200,7 @@ class Search:
         self._R_K: dict[PIGains, float] = {}
         self.trials: dict[PIGains, Trial] = {}
         self._rows: dict[PIGains, list[list[Row]]] = {}  # of calls of `fly` with `draws`
-        self.campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
+        self.campaigns, self.law, self.pool, self.metric = campaigns, law, pool, metric
         self.draws, self._success = draws, success
         scenarios = [campaign.nominal for campaign in campaigns]
         self._required = list(map(_required, scenarios))
@@ -215,7 +247,7 @@ class Search:
 
     def _plan(self, place: int, sets: Sequence[PIGains]) -> Plan:
         """All draws of a campaign, flown with candidates."""
-        campaign, names = self.campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
+        campaign, names = self.campaigns[place], self.law.names_of([*map(str, range(len(sets)))])
         groups = tuple(Group(plant, name) for name in names for plant in self._required[place])
         # `_trial` checks the requirements on the loop, once and not in every flight.
         expect = [
@@ -244,12 +276,12 @@ class Search:
         drawn = [{SEED: plan.scenario.seed}] if self.draws == 1 else None
         runs = range(draws.start * len(plan.groups), draws.stop * len(plan.groups))
         self.flights += len(runs)
-        rows = self._pool.in_order(plan, runs, doing="searching", draws=drawn)
+        rows = self.pool.in_order(plan, runs, doing="searching", draws=drawn)
         return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """Check the rows of each campaign; rows of gains that were not flown have no status."""
-        (name,) = self._law.names_of(["0"])
+        (name,) = self.law.names_of(["0"])
         # Checks of each draw and their excesses, LOST where the aircraft does not follow
         draws: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
@@ -276,7 +308,7 @@ class Search:
                 for channel, values in measured.items():
                     ends[channel] = max(ends.get(channel, 0.0), values.get("end_error", 0.0))
                 held += [f"{where}{row['plant']}: {x}." for x in limits_in_words(measured)]
-                metric += _metric(row, self._metric) if flown else math.inf
+                metric += _metric(row, self.metric) if flown else math.inf
             for of_draw in draws.values():
                 by_default = bound_checks(margins, loop, where + BY_DEFAULT)
                 of_draw.extend((check, check.margin) for check in by_default)
@@ -292,7 +324,7 @@ class Search:
         excess = float(np.quantile(trial.worst, self._success, method="inverted_cdf"))
         if self.least_R_K and self.R_K(trial.gains) < self.least_R_K:
             missed, excess = missed + 1, max(excess, 1.0 - self.R_K(trial.gains) / self.least_R_K)
-        if self._metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
+        if self.metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
             return 0.5 * _squeezed(trial.metric) - 1.5
         if excess == LOST:  # a requirement has no value: the metric ranks such candidates
             excess += 0.5 * LOST * _squeezed(trial.metric)
@@ -308,7 +340,7 @@ class Search:
     def R_K(self, gains: PIGains) -> float:
         """R_K of the loop of the first scenario with these gains, 1/s."""
         if gains not in self._R_K:
-            (name,) = self._law.names_of(["0"])
+            (name,) = self.law.names_of(["0"])
             entry = entry_of(self.campaigns[0].nominal, name, gains)
             self._R_K[gains] = models.loop_measures(entry, ["R_K"]).get("R_K", 0.0)
         return self._R_K[gains]
@@ -589,105 +621,111 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     _absent(of_file | of_flights, "without the parameters of an autopilot")
     if not isinstance(scenario, Scenario | str | Path):
         raise InputError(f"`scenario` must be a scenario, got a {type(scenario).__name__}.")
-    search = GainsSearch(also, start, budget, metric, campaign, success, until_sure, navigation)
-    return _meet(scenario, changes, search, fliers)
-
-
-class GainsSearch(NamedTuple):
-    """Options of a search for gains, as `meet` takes them."""
-
-    also: Sequence[Scenario | Path | str]
-    start: PIGains | str | None
-    budget: int | None
-    metric: str
-    campaign: str | Path | None
-    success: float | None
-    until_sure: bool
-    navigation: Knowledge | None
-
-
-def _meet(
-    scenario: Scenario | str | Path,
-    changes: Mapping[str, Any] | None,
-    options: GainsSearch,
-    fliers: Fliers,
-) -> Meeting:
-    """Search gains for a scenario, and count them on fresh draws of a campaign."""
-    also, start, budget, metric, campaign, success, until_sure, navigation = options
     if campaign is not None and also:
         raise InputError("`also` must be absent with a campaign, which is about one scenario.")
     loaded = knowing(load.as_scenario(scenario, changes), navigation)
     starts, notes = _stated_start(loaded, start)
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
     others = (knowing(load.as_scenario(x), navigation) for x in also)
-    scenarios = [loaded if dispersed is None else dispersed.nominal, *others]
-    law_table = _law_by_gains(scenarios[0])
-    law = law_table.law
     _check_campaign(dispersed, success, metric, until_sure)
-    success = SUCCESS if success is None else success
-    seen = dispersed and dispersed.model_copy(
-        update={"design": "random", "seed": dispersed.seed + 1}
+    first = loaded if dispersed is None else dispersed.nominal
+    problem = Problem(
+        scenarios=[first, *others],
+        law_table=_law_by_gains(first),
+        dispersed=dispersed,
+        success=SUCCESS if success is None else success,
+        until_sure=until_sure,
     )
-    campaigns = [flights_to_meet(scenario, law_table, seen) for scenario in scenarios]
-    if not (starts := starts or starting_gains(scenarios[0], law)):
-        raise InputError("`start` must be given: no gains could be tuned to start from.")
-    draws = 1 if dispersed is None else whole_cycles(campaigns[0], DRAWS)
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
-    fresh = 0 if dispersed is None else _fresh_draws(dispersed)
-    counting = 2 * fresh * len(_required(scenarios[0]))
     with WorkerPool(fliers) as pool:
         pool.progress.budget = budget
-        search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
-        trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
-        first, note = _first(scenarios[0], trials, search.value)
-        met = first if trials[first].met else min(trials, key=lambda x: search.value(trials[x]))
-        search.wanted = max(WANTED, -float(trials[met].worst.max()))
-        notes = (*notes, *note)
-        if search.keep_R_K(trials[met]):
-            notes = (*notes, KEPT.format(met))
-        # On a campaign, margins beyond `WANTED` have no worth: other measures would pay for them.
-        if dispersed is None or trials[met].worst.max() > -WANTED:
-            search.search([*starts.values()], budget - counting)
-        best = nearest = search.best()
-        flown_start, counted, worst = trials[first], None, None
-        status, start_met = MET[best.met], flown_start.met
-        if dispersed is not None:
-            of_count = at_random(dispersed) if until_sure else dispersed
-            fresh_flights = [flights_to_meet(scenarios[0], law_table, of_count)]
-            count = Search(fresh_flights, law, pool, draws=fresh, success=success)
-            both = best.gains, flown_start.gains
-            (nearest, flown_start), counted = _count(count, both, success, until_sure)
-            status, of_start = counted.pop("statuses")
-            start_met = of_start == "met"
-            search.flights += count.flights
-            worst = count.in_draw(nearest.worst_draw)
+        search = problem.search(pool, metric)
+        if not (starts := starts or starting_gains(first, search.law)):
+            raise InputError("`start` must be given: no gains could be tuned to start from.")
+        return _meet(problem, starts, notes, search, budget)
+
+
+def _meet(
+    problem: Problem,
+    starts: Mapping[str, PIGains],
+    notes: Sequence[str],
+    search: Search,
+    budget: int,
+) -> Meeting:
+    """Search gains for a problem, and count them on fresh draws of a campaign."""
+    scenarios, law = problem.scenarios, problem.law_table.law
+    counting = 2 * problem.fresh * len(_required(scenarios[0]))
+    trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
+    first, note = _first(scenarios[0], trials, search.value)
+    met = first if trials[first].met else min(trials, key=lambda x: search.value(trials[x]))
+    search.wanted = max(WANTED, -float(trials[met].worst.max()))
+    notes = (*notes, *note)
+    if search.keep_R_K(trials[met]):
+        notes = (*notes, KEPT.format(met))
+    # On a campaign, margins beyond `WANTED` have no worth: other measures would pay for them.
+    if problem.dispersed is None or trials[met].worst.max() > -WANTED:
+        search.search([*starts.values()], budget - counting)
+    best = search.best()
+    count = _counted(problem, best, trials[first], search)
     assumed = [*dict.fromkeys(x for scenario in scenarios for x in scenario.assumptions)]
+    on_draws = problem.dispersed is not None
     return Meeting(
-        status=status,
+        status=count.status,
         scenario=scenarios[0],
-        campaign=dispersed,
-        gains=nearest.gains,
+        campaign=problem.dispersed,
+        gains=count.nearest.gains,
         start=first,
         start_gains=trials[first].gains,
-        start_met=start_met,
+        start_met=count.start_met,
         flights=search.flights,
         candidates=search.candidates,
-        metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
-        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest))],
-        worse=[*_worse(scenarios[0], law, nearest, flown_start)],
-        trade_offs=[] if best.met or dispersed else [*search.trade_offs(best)],
-        success=counted,
-        worst=worst,
+        metric={"name": search.metric, "value": count.nearest.metric, "start": count.start.metric},
+        requirements=[
+            *_requirements(count.nearest, count.start, search.conflicting(count.nearest))
+        ],
+        worse=[*_worse(scenarios[0], law, count.nearest, count.start)],
+        trade_offs=[] if best.met or on_draws else [*search.trade_offs(best)],
+        success=count.share,
+        worst=count.worst,
         trials=[*search.trials.values()],
         tuned_for={
             "aircraft": flown_aircraft(x for each in scenarios for x in each.plant),
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
             **({"assumed": assumed} if assumed else {}),
         },
-        notes=(*notes, *_off_route(scenarios, nearest), *(() if dispersed else nearest.held)),
-        endings=pool.progress.endings,
-        compiled=pool.progress.compiled,
+        notes=(
+            *notes,
+            *_off_route(scenarios, count.nearest),
+            *(() if on_draws else count.nearest.held),
+        ),
+        endings=search.pool.progress.endings,
+        compiled=search.pool.progress.compiled,
     )
+
+
+class Counted(NamedTuple):
+    """Gains and start with their verdicts: on fresh draws of a campaign, else as searched."""
+
+    nearest: Trial
+    start: Trial
+    status: Status
+    start_met: bool
+    share: dict[str, Any] | None = None  # as `_count` returns it
+    worst: Scenario | None = None  # with the values of the worst draw
+
+
+def _counted(problem: Problem, best: Trial, start: Trial, search: Search) -> Counted:
+    """Count the best gains and the start on fresh draws, if the problem has draws."""
+    if (dispersed := problem.dispersed) is None:
+        return Counted(best, start, MET[best.met], start.met)
+    drawn = problem.flights(at_random(dispersed) if problem.until_sure else dispersed)
+    count = Search(drawn, search.law, search.pool, draws=problem.fresh, success=problem.success)
+    sets = best.gains, start.gains
+    (nearest, of_start), counted = _count(count, sets, problem.success, problem.until_sure)
+    status, start_status = counted.pop("statuses")
+    search.flights += count.flights
+    worst = count.in_draw(nearest.worst_draw)
+    return Counted(nearest, of_start, status, start_status == "met", counted, worst)
 
 
 def _absent(options: Mapping[str, Any], why: str) -> None:
@@ -752,12 +790,6 @@ def _check_campaign(
             "`metric` must be absent with a campaign, whose share of flights that succeed is "
             f"maximised, got {metric}."
         )
-
-
-def _fresh_draws(campaign: Campaign) -> int:
-    """Draws of a campaign on which gains are counted: its own, and at least `COUNTED`."""
-    groups = len(campaign.nominal.gain_names) * len(campaign.nominal.plant)
-    return whole_cycles(campaign, max(COUNTED, (campaign.runs or 0) // groups))
 
 
 def _count(

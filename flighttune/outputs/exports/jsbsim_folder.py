@@ -170,11 +170,7 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
     aircraft_plant.start(entry.condition)
     fdm = aircraft_plant.fdm
     assert fdm is not None
-    frames = round(fdm.rate * setup.dt)
-    # A multiple of both sample times, so that both have a sample at the start.
-    whole = frames * fdm.steps
-    still = AT_REST + 4.0 * fdm.engine_settles
-    t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
+    frames, t_0 = round(fdm.rate * setup.dt), _start_time(fdm, setup.dt)
     sensors = scenario.sensors_on(entry.plant.label)
     sampled = _sampled(scenario, setup, loop, entry.lead, sensors)
     values = _values(scenario, setup, loop, fdm)
@@ -211,6 +207,14 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
         verdict=verdict,
         same=not differs,
     )
+
+
+def _start_time(fdm: Fdm, dt: float) -> float:
+    """Time at which the outer loop begins, s: after the engine has settled."""
+    # A multiple of both sample times, so that both have a sample at the start.
+    whole = round(fdm.rate * dt) * fdm.steps
+    still = AT_REST + 4.0 * fdm.engine_settles
+    return math.ceil(still * fdm.rate / whole) * whole / fdm.rate
 
 
 def _written(trees: Mapping[Path, Element], values: Mapping[str, float]) -> set[str]:
