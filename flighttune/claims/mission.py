@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, Unpack
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.errors import InfeasibleError, InputError, naming
+from flighttune.base.errors import InfeasibleError, InputError, naming, printable
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, kind_of
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
@@ -34,6 +34,7 @@ from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes import maps
 from flighttune.routes.fence import Fence, fence_tables, own_fence, read_fence
+from flighttune.routes.volumes import CONTINGENCY, VolumesMap, are_in, rings_around
 
 # Default epsilon, confidence and number of learning flights.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.95, 30
@@ -66,7 +67,7 @@ class MissionOdds(Answering):
     room : TurnBack or None
         The flights that turn back, if they were counted.
     files : mapping of str to Path or None
-        The written files: ``band``, ``room`` and ``volumes``.
+        The written files: ``band``, ``room``, and of the volumes ``volumes`` and ``kml``.
     file : Path or None
         The file of the band.
     terrain : Path or None
@@ -105,21 +106,43 @@ class MissionOdds(Answering):
         """The answer with the room to turn back, written beside the file of the band."""
         files = dict(self.files)
         if self.file is not None:
-            files["room"], volumes = beside(self.file)
+            beside = Beside.of(self.file)
+            files["room"] = beside.room
             with together():
-                room.save(files["room"])
+                room.save(beside.room)
                 if room.claims and self.band.claims:
-                    files["volumes"] = volumes
-                    where, shapes = self.band.flights.route.where, room.volumes(self.band)
-                    write_text(volumes, f"{maps.volumes_geojson(where, shapes)}\n")
-                elif volumes.exists() and maps.of_volumes(volumes):
-                    remove_file(volumes)
+                    files |= {"volumes": beside.volumes, "kml": beside.kml}
+                    ground = self.band.flights.central.flight.ground_m
+                    around = self.band.flights.route.where, ground, room.volumes(self.band)
+                    beside.write(VolumesMap(*around), self.band.flights.scenario.title)
+                else:
+                    beside.remove_volumes()
         return replace(self, room=room, files=files)
 
 
-def beside(band: Path) -> tuple[Path, Path]:
+class Beside(NamedTuple):
     """Files of the room to turn back and of its volumes, beside the band's file."""
-    return Path(f"{band.with_suffix('')}-turn-back.npz"), band.with_suffix(".geojson")
+
+    room: Path
+    volumes: Path
+    kml: Path
+
+    @classmethod
+    def of(cls, band: Path) -> "Beside":
+        """The files beside that of a band."""
+        maps_of_it = (band.with_suffix(ending) for ending in (".geojson", ".kml"))
+        return cls(Path(f"{band.with_suffix('')}-turn-back.npz"), *maps_of_it)
+
+    def write(self, volumes: VolumesMap, title: str) -> None:
+        """Write the volumes."""
+        write_text(self.volumes, volumes.geojson())
+        write_text(self.kml, volumes.kml(printable(title)))
+
+    def remove_volumes(self) -> None:
+        """Remove the volumes of an earlier count."""
+        for file in (self.volumes, self.kml):
+            if file.exists() and are_in(file):
+                remove_file(file)
 
 
 def per_hour_beside(band: Path) -> Path:
@@ -297,8 +320,8 @@ def _operational_volume(odds: MissionOdds, areas: dict[str, Any], fence: Path) -
         return Volume.of(read_fence(fence, where[1], areas))
     if odds.room is None or not (odds.room.claims and odds.band.claims):
         raise InputError("rates per hour must be with a volume, but none is claimed by its count.")
-    around = odds.room.volumes(odds.band)["contingency volume"]
-    rings = maps.rings_around(where[0], around.width)
+    around = odds.room.volumes(odds.band)[CONTINGENCY]
+    rings = rings_around(where[0], around.width)
     ground = odds.band.flights.central.flight.ground_m
     return Volume(
         rings=tuple(tuple((n, e) for n, e in ring.tolist()) for ring in rings),
@@ -399,11 +422,10 @@ class _NewFlights:
 
     def save(self, band: Band, file: Path) -> None:
         """Save the count, and remove the room and volumes of an earlier count."""
-        room, volumes = beside(file)
-        if file.exists() and room.exists() and kind_of(room) == BAND:
-            remove_file(room)
-            if volumes.exists() and maps.of_volumes(volumes):
-                remove_file(volumes)
+        beside = Beside.of(file)
+        if file.exists() and beside.room.exists() and kind_of(beside.room) == BAND:
+            remove_file(beside.room)
+            beside.remove_volumes()
         keep_on_error(file)
         band.save(file)
         if self.unfinished is not None:
@@ -484,9 +506,9 @@ def _check_absent(settings: Mapping[str, Any]) -> None:
 
 def _check_beside(band: Path, *given: object) -> None:
     """Refuse a band file whose volumes would overwrite an input file."""
-    volumes = beside(band)[1]
+    _, *volumes = Beside.of(band)
     for file in (Path(x) for x in given if isinstance(x, str | Path)):
-        if volumes.exists() and file.exists() and volumes.samefile(file):
+        if any(x.exists() and file.exists() and x.samefile(file) for x in volumes):
             raise InputError(f"{band}: the volumes beside it must not replace {file}.")
 
 

@@ -23,8 +23,8 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.follow import SAME_PLACE
-from flighttune.routes.maps import Volume
 from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
+from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume
 from flighttune.vehicles.plants.jsbsim.model_files import wing_span
 
 # Signals of flights that turn back, m, each the maximum since detection: the horizontal distance
@@ -186,9 +186,9 @@ class TurnBack(Counted):
         around = self.room.around(geography, printable(self.sentence))
         width, top = around.width + around.high, around.high
         return {
-            "flight geography": geography,
-            "contingency volume": around,
-            "ground risk buffer": Volume(width, 0.0, top, "as wide as it is high"),
+            GEOGRAPHY: geography,
+            CONTINGENCY: around,
+            BUFFER: Volume(width, 0.0, top, "as wide as it is high"),
         }
 
     @property
@@ -205,7 +205,7 @@ class TurnBack(Counted):
         V_a, g = max(self.flights.central.airspeeds), self.flights.central.flight.g_mps2
         reaction = V_a * self.table.reaction_s
         turn = self.table.formula(V_a, g) - reaction
-        beside = self.volumes(corridor)["flight geography"].width
+        beside = self.volumes(corridor)[GEOGRAPHY].width
         errors = navigation_errors(corridor)
         navigation = 0.0 if errors is None else min(errors.beside, beside)
         return [

@@ -15,7 +15,7 @@ import shapely
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
-from flighttune.routes import maps
+from flighttune.routes import maps, volumes
 from flighttune.routes.items import HEADER, planner_items, stated_lines
 from flighttune.routes.path import Path as Route
 
@@ -182,8 +182,9 @@ def own_fence(mission: Path) -> tuple[Path, ...]:
 def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any]:
     """The fences of plans, KML and GeoJSON files as one GeoJSON; {} without a fence.
 
-    Flights must stay inside all areas, and outside all with the property ``exclusion``. A file that
-    is `asked` for its fence must have a fence.
+    Flights must stay inside all areas, and outside all with the property ``exclusion``. Of the
+    volumes of a mission the contingency volume is the fence. A file that is `asked` for its fence
+    must have a fence.
     """
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
@@ -192,7 +193,7 @@ def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any
         kind, content = maps.map_file(file, FENCE_FILES, KINDS)
         with maps.reading(file, KINDS):
             if kind == "kml":
-                shapes += maps.kml_features(content)
+                shapes += volumes.operational(maps.kml_features(content))
             elif kind == "planner":
                 shapes += _of_plan(_planner_fence(content))
             elif kind == "plan":
@@ -200,8 +201,9 @@ def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any
                 firmware = maps.json_part(content, "mission", dict).get("firmwareType")
                 shapes += _one_area(areas) if firmware == PX4 else areas
             else:
-                single.append(content)
-                shapes += maps.features(content)
+                areas = maps.features(content)
+                shapes += (kept := volumes.operational(areas))
+                single += [content] * (kept is areas)
             if asked and not any(x["geometry"]["type"] == "Polygon" for x in shapes[before:]):
                 raise InputError("must have a Polygon or circle for a fence, got none.")
     if len(files) == 1 and single:

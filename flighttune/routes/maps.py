@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 from geographiclib.geodesic import Geodesic
-from shapely import LineString
 
 from flighttune.base.arrays import FloatArray, Floats
 from flighttune.base.errors import InputError, naming
@@ -46,9 +45,6 @@ def on_earth(points: FloatArray, origin: LatLon) -> FloatArray:
 # Distance between the points of a file that is written, m.
 APART = 10.0
 
-# Corners in a quarter of the round end of an area.
-CORNERS = 16
-
 # Key of a written file for the route from which its path was planned.
 ROUTE_KEY = "flighttune"
 
@@ -76,15 +72,6 @@ class Corridor(NamedTuple):
     claim: str  # its meaning in words
 
 
-class Volume(NamedTuple):
-    """All places within a width of a path, between two heights over ground, in m."""
-
-    width: float  # to each side, and around both ends
-    low: float
-    high: float
-    claim: str  # in words
-
-
 class Mark(NamedTuple):
     """A point to draw."""
 
@@ -97,12 +84,9 @@ class Mark(NamedTuple):
 # A closed ring of longitudes and latitudes, deg, and whether flights must stay outside.
 Area: TypeAlias = tuple[list[list[float]], bool]
 
-# Elements of an area in KML, from its shape to its ring.
-RING = ("Polygon", "outerBoundaryIs", "LinearRing")
-
 # KML elements that are shapes, and elements whose text is read.
 SHAPES = ("LineString", "Polygon", "Point", "Track")
-READ = ("coordinates", "coord", "altitudeMode", "value")
+READ = ("coordinates", "coord", "altitudeMode", "value", "name")
 
 # Maximum number of places in a KML file: routes and fences have at most thousands.
 MAX_PLACES = 200_000
@@ -263,7 +247,7 @@ class _Shapes:
         self._text: list[str] | None = None
         self._shape, self._depth, self._places = "", 0, 0
         self._rings: list[list[list[float]]] = []
-        self._mode = ""
+        self._mode = self._name = ""
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         """An element begins."""
@@ -272,6 +256,8 @@ class _Shapes:
             self._put_text(self._inside[-1])
         if len(self._inside) > MAX_DEPTH:
             raise InputError("must not be nested so deeply.")
+        if kind == "Placemark":
+            self._name = ""
         self._inside.append(f"{ROUTE_KEY} {kind}" if attributes.get("name") == ROUTE_KEY else kind)
         if kind in SHAPES:
             if self._shape:
@@ -292,7 +278,8 @@ class _Shapes:
             rings, kind, self._shape = self._rings, self._shape, ""
             if kind == "Track":
                 kind, rings = "LineString", [[point for ring in rings for point in ring]]
-            shape = feature(kind, rings if kind == "Polygon" else [*rings, []][0], {})
+            named = {"name": self._name} if self._name else {}
+            shape = feature(kind, rings if kind == "Polygon" else [*rings, []][0], named)
             shape["geometry"]["altitudeMode"] = self._mode or "clampToGround"
             self.found.append(shape)
 
@@ -303,6 +290,8 @@ class _Shapes:
         text, self._text = "".join(self._text), None
         if kind == "value" and self._inside[-1:] == [f"{ROUTE_KEY} Data"]:
             self.stated = self.stated or text
+        elif kind == "name" and self._inside[-1:] == ["Placemark"]:
+            self._name = self._name or " ".join(text.split())
         elif kind == "altitudeMode" and self._shape:
             self._mode = self._mode or text
         elif kind == "coord" and self._shape == "Track":  # blanks separate its numbers
@@ -367,26 +356,20 @@ class RouteMap(NamedTuple):
         if self.stated:
             value = node("value", json.dumps(with_hash(self.stated, line.tolist())))
             own = [node("ExtendedData", node("Data", value, name=ROUTE_KEY))]
-        document = node("Document")
-        for name, (colour, area) in STYLES.items():
-            of_line = node("LineStyle", node("color", colour), node("width", "3"))
-            of_area = node("PolyStyle", node("color", area))
-            document.append(node("Style", of_line, of_area, id=name))
-        shape = _shape(line, "LineString")
-        document.append(_placemark(self.title, "path", *own, shape, description=claim))
+        shape = kml_shape(line, "LineString")
+        marks = [placemark(self.title, "path", *own, shape, description=claim)]
         for properties, *rings in self._pieces():
-            shape = node("MultiGeometry", *(_shape(ring, *RING) for ring in rings))
+            shape = node("MultiGeometry", *(kml_area([ring]) for ring in rings))
             name = "corridor from {from_m} m".format(**properties)
-            document.append(_placemark(name, "corridor", shape))
+            marks.append(placemark(name, "corridor", shape))
         for mark in (*self.points, *self.rally):
-            shape = _shape(np.array([[mark.lon, mark.lat, mark.height]]), "Point")
-            document.append(_placemark(mark.name, "path", shape))
+            shape = kml_shape(np.array([[mark.lon, mark.lat, mark.height]]), "Point")
+            marks.append(placemark(mark.name, "path", shape))
         for ring, exclusion in self.areas:
             corners = np.array([[lon, lat, 0.0] for lon, lat, *_ in ring])
-            shape = _shape(corners, *RING, mode="clampToGround")
-            document.append(_placemark("stay out" if exclusion else "stay in", "fence", shape))
-        kml = node("kml", document, xmlns="http://www.opengis.net/kml/2.2")
-        return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
+            shape = kml_area([corners], mode="clampToGround")
+            marks.append(placemark("stay out" if exclusion else "stay in", "fence", shape))
+        return kml_text(STYLES, marks)
 
     def corridor_rings(self) -> list[list[list[float]]]:
         """Closed rings of the windows of the corridor, longitudes and latitudes in deg."""
@@ -394,7 +377,7 @@ class RouteMap(NamedTuple):
 
     def _line(self) -> FloatArray:
         """Coordinates of points of the path."""
-        (line,) = _coordinates(self.where, self.where[0].points(APART), 0.0, 0.0)
+        (line,) = coordinates(self.where, self.where[0].points(APART), 0.0, 0.0)
         return line
 
     def _pieces(self) -> Iterator[tuple[dict[str, Any], FloatArray, FloatArray]]:
@@ -408,14 +391,27 @@ class RouteMap(NamedTuple):
             # itself; a window does not.
             right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
             s = np.concatenate([s, s[::-1], s[:1]])
-            floor, ceiling = _coordinates(self.where, s, right, high[1], low[1])
+            floor, ceiling = coordinates(self.where, s, right, high[1], low[1])
             numbers = (begin, end, up.min() - high[1], up.max() - low[1])
             keys = ("from_m", "to_m", "min_up_m", "max_up_m")
             rounded = {key: round(float(x), 2) for key, x in zip(keys, numbers, strict=True)}
             yield {"name": "corridor", **rounded}, floor, ceiling
 
 
-def _placemark(
+def kml_text(
+    styles: Mapping[str, tuple[str, str]], placemarks: Iterable[ElementTree.Element]
+) -> str:
+    """A KML file of placemarks; `styles`: colours of the lines and areas of each style."""
+    document = node("Document")
+    for name, (line, area) in styles.items():
+        of_line = node("LineStyle", node("color", line), node("width", "3"))
+        document.append(node("Style", of_line, node("PolyStyle", node("color", area)), id=name))
+    document.extend(placemarks)
+    kml = node("kml", document, xmlns="http://www.opengis.net/kml/2.2")
+    return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def placemark(
     name: str, style: str, *parts: ElementTree.Element, description: str = ""
 ) -> ElementTree.Element:
     """A placemark with its name and style."""
@@ -423,17 +419,26 @@ def _placemark(
     return node("Placemark", node("name", name), *described, node("styleUrl", f"#{style}"), *parts)
 
 
-def _shape(
-    points: FloatArray, kind: str, *nested: str, mode: str = "absolute"
-) -> ElementTree.Element:
-    """A shape with its coordinates in the last of the `nested` elements."""
-    inner = node("coordinates", " ".join(",".join(map(str, point)) for point in points.tolist()))
-    for tag in reversed(nested):
-        inner = node(tag, inner)
-    return node(kind, node("altitudeMode", mode), inner)
+def kml_shape(points: FloatArray, kind: str) -> ElementTree.Element:
+    """A point or a line, with heights above sea level."""
+    return node(kind, node("altitudeMode", "absolute"), _coordinates_of(points))
 
 
-def _coordinates(
+def kml_area(rings: Sequence[FloatArray], mode: str = "absolute") -> ElementTree.Element:
+    """A Polygon with its outer ring first; the others are holes."""
+    borders = ["outerBoundaryIs", *["innerBoundaryIs"] * (len(rings) - 1)]
+    parts = (
+        node(border, node("LinearRing", _coordinates_of(ring)))
+        for border, ring in zip(borders, rings, strict=True)
+    )
+    return node("Polygon", node("altitudeMode", mode), *parts)
+
+
+def _coordinates_of(points: FloatArray) -> ElementTree.Element:
+    return node("coordinates", " ".join(",".join(map(str, point)) for point in points.tolist()))
+
+
+def coordinates(
     where: Where, s: FloatArray, right: Floats, *distances_below: float
 ) -> list[FloatArray]:
     """Longitude, latitude (deg) and height (m), (n, 3), at distances beside and below a path."""
@@ -441,35 +446,6 @@ def _coordinates(
     places = path.beside(s, right)
     lat, lon = on_earth(places, origin).T.round(8)
     return [np.column_stack([lon, lat, (h_0 + places[:, 2] - x).round(2)]) for x in distances_below]
-
-
-def rings_around(path: Route, width: float) -> list[FloatArray]:
-    """Rings of the area within `width` (m) of a path, outer ring first: north, east, (n, 2)."""
-    off_path = np.abs(path.curvature).max() * APART**2 / 8.0  # distance of a chord, m
-    # The corners lie outside the circle, so that the ring contains all places within the width.
-    beyond = (width + off_path) / math.cos(math.pi / (4 * CORNERS))
-    area = LineString(path.beside(path.points(APART))[:, :2]).buffer(beyond, quad_segs=CORNERS)
-    return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
-
-
-def volumes_geojson(where: Where, volumes: Mapping[str, Volume]) -> str:
-    """Volumes around a path by name, rounded outwards: areas with width and heights over ground."""
-    path, origin, _ = where
-    shapes = []
-    for name, volume in volumes.items():
-        width, high = (math.ceil(10.0 * size) / 10.0 for size in (volume.width, volume.high))
-        low = math.floor(10.0 * volume.low) / 10.0
-        rings = [
-            on_earth(ring, origin)[:, ::-1].round(8).tolist() for ring in rings_around(path, width)
-        ]
-        sizes = {"width_m": width, "min_over_ground_m": low, "max_over_ground_m": high}
-        shapes.append(feature("Polygon", rings, {"name": name, **sizes, "claim": volume.claim}))
-    return json.dumps({"type": "FeatureCollection", "features": shapes}, indent=1)
-
-
-def of_volumes(file: Path) -> bool:
-    """Whether a file was written with `volumes_geojson`."""
-    return '"max_over_ground_m"' in file.read_text(encoding="utf-8", errors="replace")
 
 
 # Distance between the places at which the height of the ground is read, m.

@@ -30,7 +30,7 @@ from flighttune.claims.mission import MissionOdds
 from flighttune.claims.turn_back import TurnBack, TurnRoom
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.outputs.answers.band import summary
-from flighttune.routes import maps
+from flighttune.routes.volumes import Volume, VolumesMap
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
 
@@ -281,9 +281,10 @@ def test_the_areas_are_as_wide_as_they_say_or_wider():
     """By hand: a leg with round ends, and places at the width from it all around."""
     changes = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]}
     where = ft.route("circuit", changes=changes).where
-    volumes = {"a": maps.Volume(50.0, 0.0, 9.0, "x"), "b": maps.Volume(250.0, 0.0, 9.0, "y")}
+    volumes = {"a": Volume(50.0, 0.0, 9.0, "x"), "b": Volume(250.0, 0.0, 9.0, "y")}
 
-    areas = [x["geometry"] for x in json.loads(maps.volumes_geojson(where, volumes))["features"]]
+    written = VolumesMap(where, 0.0, volumes).geojson()
+    areas = [x["geometry"] for x in json.loads(written)["features"]]
     inner, outer = map(shape, areas)
     assert outer.contains(inner)
     for area, width in ((inner, 50.0), (outer, 250.0)):
@@ -299,7 +300,7 @@ def test_the_areas_are_as_wide_as_they_say_or_wider():
 
 def test_volumes_are_written_in_decimetres_and_not_smaller():
     where = ft.route("circuit").where
-    written = maps.volumes_geojson(where, {"a": maps.Volume(50.02, 3.58, 9.01, "x")})
+    written = VolumesMap(where, 0.0, {"a": Volume(50.02, 3.58, 9.01, "x")}).geojson()
 
     sizes = json.loads(written)["features"][0]["properties"]
     assert (sizes["width_m"], sizes["min_over_ground_m"], sizes["max_over_ground_m"]) == (
@@ -310,8 +311,8 @@ def test_volumes_are_written_in_decimetres_and_not_smaller():
 def test_the_room_is_around_the_flight_geography_down_to_the_ground():
     room = TurnRoom(from_route=300.0, height=6.0)
 
-    assert room.around(maps.Volume(10.0, 95.0, 130.0, ""), "new") == (310.0, 89.0, 136.0, "new")
-    assert room.around(maps.Volume(10.0, 4.0, 130.0, ""), "").low == 0.0
+    assert room.around(Volume(10.0, 95.0, 130.0, ""), "new") == (310.0, 89.0, 136.0, "new")
+    assert room.around(Volume(10.0, 4.0, 130.0, ""), "").low == 0.0
 
 
 def test_a_climb_and_a_descent_after_detection_both_take_room(turning):
@@ -392,7 +393,7 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
     corridor = ft.band("circuit", start_deg=1.0, epsilon=0.1, confidence=0.9, flights=22, **few)
     room = ft.mission(corridor, turn_back=BANK, epsilon=0.1, confidence=0.9).room
     volumes, where = room.volumes(corridor), corridor.flights.route.where
-    contingency = json.loads(maps.volumes_geojson(where, volumes))["features"][1]
+    contingency = json.loads(VolumesMap(where, 0.0, volumes).geojson())["features"][1]
     assert contingency["properties"]["name"] == "contingency volume"
     (ring,) = contingency["geometry"]["coordinates"]
     lines = [Geodesic.WGS84.Inverse(*where[1], lat, lon) for lon, lat in ring]

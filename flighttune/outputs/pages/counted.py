@@ -31,7 +31,8 @@ from flighttune.outputs.pages.charts import (
 from flighttune.outputs.pages.claim import Asked, Parts
 from flighttune.outputs.pages.panels import TEXTS
 from flighttune.routes.fence import read_fence
-from flighttune.routes.maps import NOT_SEEN, ground_at, on_earth, rings_around
+from flighttune.routes.maps import NOT_SEEN, ground_at, on_earth
+from flighttune.routes.volumes import rings_around
 
 # Minimum number of drawn flights inside the band, if there are enough.
 MIN_DRAWN = 100

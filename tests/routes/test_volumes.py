@@ -1,0 +1,120 @@
+"""Volumes around a path as GeoJSON and KML: read by lxml, fastkml and shapely, and as a fence."""
+
+import json
+import math
+
+import fastkml
+import pytest
+import shapely
+from lxml import etree
+from plans import plan_file, waypoint
+
+import flighttune as ft
+from flighttune.routes.fence import fence_tables, read_fence
+from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume, VolumesMap
+
+SEEN = "{http://www.opengis.net/kml/2.2}"
+
+# m: the sizes of volumes are written in decimetres, places in 1e-8 deg
+DECIMETRE = 0.1
+
+# m: the chords of a round end lie outside the width
+OUTSIDE = 1.0
+
+GROUND, OVER_GROUND = 480.0, 300.0
+
+# Around a triangle whose ends are 75 m apart, so that the contingency volume alone has a hole.
+VOLUMES = {
+    GEOGRAPHY: Volume(10.0, 290.0, 310.0, "at most 1 % leave it"),
+    CONTINGENCY: Volume(60.0, 280.0, 320.0, "room to turn back"),
+    BUFFER: Volume(380.0, 0.0, 320.0, "as wide as it is high"),
+}
+
+
+@pytest.fixture(scope="module")
+def volumes(tmp_path_factory):
+    """The volumes around a mission over level ground."""
+    places = [(47.4, 8.5), (47.406, 8.5), (47.403, 8.51), (47.4, 8.501)]
+    items = [waypoint(*place, OVER_GROUND) for place in places]
+    file = plan_file(tmp_path_factory.mktemp("m") / "m.plan", *items, home=(47.4, 8.5, GROUND))
+    return VolumesMap(ft.route(file).where, GROUND, VOLUMES)
+
+
+@pytest.fixture
+def written(volumes, tmp_path):
+    """The file of the volumes by its ending."""
+    files = {ending: tmp_path / f"v{ending}" for ending in (".geojson", ".kml")}
+    files[".geojson"].write_text(volumes.geojson())
+    files[".kml"].write_text(volumes.kml("Survey of a field"))
+    return files
+
+
+def test_fastkml_finds_a_valid_file_of_four_looks(written):
+    text = written[".kml"].read_text().partition("?>")[2]
+
+    (document,) = fastkml.KML.from_string(text, strict=True).features
+    assert fastkml.validator.validate(element=etree.fromstring(text.encode()))
+    names = [feature.name for feature in document.features]
+    assert names == [BUFFER, CONTINGENCY, GEOGRAPHY, "Survey of a field"]
+    looks = {feature.style_url.url for feature in document.features}
+    lines = {f"#{x.id}": x.styles[0].color for x in document.styles if f"#{x.id}" in looks}
+    assert len({*lines.values()}) == len(names)
+
+
+def test_kml_has_the_areas_of_geojson_at_heights_above_sea_level(written):
+    root = etree.parse(written[".kml"]).getroot()
+    features = json.loads(written[".geojson"].read_text())["features"]
+    marks = {x.findtext(f"{SEEN}name"): x for x in root.iter(f"{SEEN}Placemark")}
+
+    for feature in features:
+        name, area = feature["properties"]["name"], shapely.geometry.shape(feature["geometry"])
+        assert area.is_valid
+        polygons = [*marks[name].iter(f"{SEEN}Polygon")]
+        ends = [VOLUMES[name].low, VOLUMES[name].high] if name != BUFFER else [None]
+        for polygon, over_ground in zip(polygons, ends, strict=True):
+            modes = {x.text for x in polygon.iter(f"{SEEN}altitudeMode")}
+            rings = [
+                [[*map(float, point.split(","))] for point in x.text.split()]
+                for x in polygon.iter(f"{SEEN}coordinates")
+            ]
+            drawn = shapely.Polygon(rings[0], rings[1:])
+            assert shapely.equals(shapely.force_2d(drawn), area)
+            if over_ground is None:
+                assert modes == {"clampToGround"}
+                continue
+            assert modes == {"absolute"}
+            (height,) = {point[2] for ring in rings for point in ring}
+            assert height == pytest.approx(GROUND + over_ground, abs=DECIMETRE)
+        data = {x.get("name"): float(x[0].text) for x in marks[name].iter(f"{SEEN}Data")}
+        stated = feature["properties"]
+        assert data == {key: stated[key] for key in data}
+        assert {*data} == {"width_m", "min_over_ground_m", "max_over_ground_m"}
+    assert [len(x["geometry"]["coordinates"]) for x in features] == [1, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("ending", "low", "high", "margin"),
+    [(".geojson", -20.0, 20.0, 20.0), (".kml", -math.inf, math.inf, 60.0)],
+)
+def test_the_contingency_volume_is_a_fence_with_its_hole(
+    volumes, written, ending, low, high, margin
+):
+    """Heights, above the start, are in GeoJSON alone."""
+    fence = read_fence(written[ending], volumes.where[1], fence_tables([written[ending]]))
+    nearest = fence.nearest(volumes.where[0])
+
+    assert fence.outside == (False, True)
+    assert (fence.low, fence.high) == pytest.approx((low, high), abs=DECIMETRE)
+    assert nearest["leaves_m"] is None
+    assert nearest["margin_m"] == pytest.approx(margin, abs=OUTSIDE)
+
+
+def test_one_area_of_the_name_of_a_volume_is_a_fence_as_it_is(written, tmp_path):
+    """Only all three together are the volumes of a mission."""
+    tables = json.loads(written[".geojson"].read_text())
+    properties = {"name": GEOGRAPHY}
+    other = {**tables["features"][2], "properties": properties}
+    file = tmp_path / "own.geojson"
+    file.write_text(json.dumps({**tables, "features": [other]}))
+
+    assert fence_tables([file])["features"] == [other]
