@@ -106,7 +106,7 @@ class MissionOdds(Answering):
         """The answer with the room to turn back, written beside the file of the band."""
         files = dict(self.files)
         if self.file is not None:
-            beside = Beside.of(self.file)
+            beside = FilesBeside.of(self.file)
             files["room"] = beside.room
             with together():
                 room.save(beside.room)
@@ -120,7 +120,7 @@ class MissionOdds(Answering):
         return replace(self, room=room, files=files)
 
 
-class Beside(NamedTuple):
+class FilesBeside(NamedTuple):
     """Files of the room to turn back and of its volumes, beside the band's file."""
 
     room: Path
@@ -128,7 +128,7 @@ class Beside(NamedTuple):
     kml: Path
 
     @classmethod
-    def of(cls, band: Path) -> "Beside":
+    def of(cls, band: Path) -> "FilesBeside":
         """The files beside that of a band."""
         maps_of_it = (band.with_suffix(ending) for ending in (".geojson", ".kml"))
         return cls(Path(f"{band.with_suffix('')}-turn-back.npz"), *maps_of_it)
@@ -422,7 +422,7 @@ class _NewFlights:
 
     def save(self, band: Band, file: Path) -> None:
         """Save the count, and remove the room and volumes of an earlier count."""
-        beside = Beside.of(file)
+        beside = FilesBeside.of(file)
         if file.exists() and beside.room.exists() and kind_of(beside.room) == BAND:
             remove_file(beside.room)
             beside.remove_volumes()
@@ -506,7 +506,7 @@ def _check_absent(settings: Mapping[str, Any]) -> None:
 
 def _check_beside(band: Path, *given: object) -> None:
     """Refuse a band file whose volumes would overwrite an input file."""
-    _, *volumes = Beside.of(band)
+    _, *volumes = FilesBeside.of(band)
     for file in (Path(x) for x in given if isinstance(x, str | Path)):
         if any(x.exists() and file.exists() and x.samefile(file) for x in volumes):
             raise InputError(f"{band}: the volumes beside it must not replace {file}.")
