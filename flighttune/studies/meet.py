@@ -703,7 +703,7 @@ def _meet(
     )
 
 
-class Counted(NamedTuple):
+class CountedTrials(NamedTuple):
     """Gains and start with their verdicts: on fresh draws of a campaign, else as searched."""
 
     nearest: Trial
@@ -714,10 +714,10 @@ class Counted(NamedTuple):
     worst: Scenario | None = None  # with the values of the worst draw
 
 
-def _counted(problem: Problem, best: Trial, start: Trial, search: Search) -> Counted:
+def _counted(problem: Problem, best: Trial, start: Trial, search: Search) -> CountedTrials:
     """Count the best gains and the start on fresh draws, if the problem has draws."""
     if (dispersed := problem.dispersed) is None:
-        return Counted(best, start, MET[best.met], start.met)
+        return CountedTrials(best, start, MET[best.met], start.met)
     drawn = problem.flights(at_random(dispersed) if problem.until_sure else dispersed)
     count = Search(drawn, search.law, search.pool, draws=problem.fresh, success=problem.success)
     sets = best.gains, start.gains
@@ -725,7 +725,7 @@ def _counted(problem: Problem, best: Trial, start: Trial, search: Search) -> Cou
     status, start_status = counted.pop("statuses")
     search.flights += count.flights
     worst = count.in_draw(nearest.worst_draw)
-    return Counted(nearest, of_start, status, start_status == "met", counted, worst)
+    return CountedTrials(nearest, of_start, status, start_status == "met", counted, worst)
 
 
 def _absent(options: Mapping[str, Any], why: str) -> None:
