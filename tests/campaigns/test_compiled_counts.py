@@ -73,6 +73,9 @@ def test_a_campaign_counts_what_all_its_commands_flew(tmp_path):
     assert (done.compiled.flights, done.compiled.by_jsbsim) == (2, 2)
     assert compiled_of(ft.load(out).rows()) == done.compiled
     assert done.answer().values[COMPILED]["flights"] == 2
+    report = ft.report(out).answer()
+    assert report.values[COMPILED] == done.answer().values[COMPILED]
+    assert "Compiled flights: 2, of which JSBSim flew" in " ".join(report.notes)
 
 
 @pytest.mark.slow

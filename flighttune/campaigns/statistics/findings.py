@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -18,7 +18,8 @@ from flighttune.base.endings import endings, reasons
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
 from flighttune.base.words import listed, pick
-from flighttune.campaigns.dataset import open_dataset
+from flighttune.campaigns.dataset import compiled_of, open_dataset
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.plan import Group, Plan
 from flighttune.campaigns.planning.schema import INDEPENDENT, MEASURES
 from flighttune.campaigns.statistics.count import sure
@@ -80,6 +81,7 @@ class Findings:
     versions: Mapping[str, str]  # versions of the libraries that affected the rows
     method: Method = "wilson"  # method for intervals of shares
     confidence: float = CONFIDENCE  # 1: confidence of all intervals
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)
 
     def by(self, method: Method | None, confidence: float = CONFIDENCE) -> "Findings":
         """The same with all intervals by one method, by default the campaign's method."""
@@ -292,8 +294,11 @@ class Findings:
 def load_findings(url: str | Path) -> Findings:
     """Read the existing rows of a campaign."""
     dataset = open_dataset(url)
-    rows = dataset.rows().to_pandas()
-    return findings_of(rows, dataset.plan, url=str(dataset.folder), versions=dataset.versions)
+    rows = dataset.rows()
+    found = findings_of(
+        rows.to_pandas(), dataset.plan, url=str(dataset.folder), versions=dataset.versions
+    )
+    return replace(found, compiled=compiled_of(rows))
 
 
 def findings_of(

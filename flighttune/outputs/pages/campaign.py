@@ -64,7 +64,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         version=findings.versions.get("flighttune", ""),
     )
     shown = Answer(
-        values={**findings.values, "sha256": sha256},
+        values={**findings.values, "sha256": sha256, **findings.compiled.values},
         tables=[*tables["rates"], *tables["paired"]],
         notes=[*page.summary, *notes(findings)],
     )
@@ -154,7 +154,7 @@ def notes(findings: Findings) -> tuple[str, ...]:
         )
     if any(plan.scenario.plant_table(group.plant).aircraft for group in plan.groups):
         lines.append("How far an aircraft can be off: flighttune band CAMPAIGN.")
-    return tuple(lines)
+    return *lines, *findings.compiled.notes
 
 
 def _success_sentences(findings: Findings) -> str:
