@@ -70,83 +70,6 @@ def test_the_roll_is_that_of_the_published_equations(parameters, flight, roll):
     assert commanded(parameters, **flight)[0] == pytest.approx(roll, abs=ROUNDED)
 
 
-# Nothing limits the roll.
-FREE = NPFG | {"FW_R_LIM": 89.99}
-BOUNDED = FREE | {"NPFG_LB_PERIOD": 1.0, "NPFG_UB_PERIOD": 0.0, "NPFG_PERIOD": 2.0}
-BOTH = BOUNDED | {"NPFG_UB_PERIOD": 1.0, "NPFG_PERIOD": 90.0}
-CROSS = {"V": 20.0, "chi": 0.2, "wind": (4.0, -3.0), "path": (0.1, 6.0, 0.0, 0.02, 0.0)}
-
-
-@pytest.mark.parametrize(
-    ("parameters", "flight", "acceleration"),
-    [
-        # beside a right turn in a headwind from the left, and a left one asked for at 19 m/s
-        (FREE, {"chi": 0.3, "wind": (-4, 5), "path": (0.1, 15, 0, 0.006, 0)}, -6.28855564),
-        (
-            FREE,
-            {"chi": -2, "V": 16, "V_sp": 19, "wind": (3, -2), "path": (-1.8, -25, 0, -0.008, 0)},
-            9.502941255,
-        ),
-        # wind within 1.5 m/s of the airspeed, ahead and across; wind above it
-        (FREE, {"chi": 0.2, "V": 10, "wind": (-6, -7), "path": (2.6, 3, 0, 0.01, 0)}, 1.036553843),
-        (
-            FREE,
-            {"chi": 2.1, "V": 10, "wind": (-9.2, 1), "path": (1.3, 4, 0, 0.02, 0)},
-            -7.872387299,
-        ),
-        (FREE, {"chi": 2.4, "V": 8, "wind": (-9, 3), "path": (0.2, -6, 0, 0.01, 0)}, -7.037167544),
-        # turned away from its track, 0.2 m from the middle of a circle, 0.6 m/s over ground
-        (FREE, {"chi": 2.5, "V": 18, "wind": (1, 2), "path": (0.1, -8, 0, 0.01, 0)}, -15.833626974),
-        (FREE, {"chi": 0.1, "wind": (1, 2), "path": (0, 49.8, 0, 0.02, 0)}, 343.009839282),
-        (
-            FREE,
-            {"chi": 0.1, "V": 12, "wind": (-11.4, 0.5), "path": (0.2, 1.5, 0, 0, 0)},
-            -0.420506654,
-        ),
-        # least periods in a windy turn, where it is partly feasible, and with little damping
-        (BOUNDED, CROSS, 2.66323777),
-        (BOUNDED, {"chi": 2.4, "V": 10, "wind": (-7, 6), "path": (2.4, 3, 0, 0.02, 0)}, 5.00314761),
-        (BOUNDED | {"NPFG_DAMPING": 0.4}, CROSS, 2.623521194),
-        # a period between both bounds, as without them
-        (BOTH | {"NPFG_PERIOD": 8.0}, CROSS, 5.806701372),
-        (FREE | {"NPFG_PERIOD": 8.0}, CROSS, 5.806701372),
-        # largest periods, below the least one, and in a wind above the airspeed
-        (BOTH, CROSS, 12.042647705),
-        (
-            BOTH | {"NPFG_PERIOD": 20.0},
-            {"chi": 0.2, "wind": (12, -3), "path": (0.1, 6, 0, 0.2, 0)},
-            1896.852723152,
-        ),
-        (BOTH, {"chi": 2.2, "V": 8, "wind": (-9, 3), "path": (2.5, 2, 0, 0.03, 0)}, 9.213849734),
-    ],
-)
-def test_npfg_accelerates_as_the_source_of_px4_does(parameters, flight, acceleration):
-    # DirectionalGuidance.cpp, CourseToAirspeedRefMapper.cpp and controlHeading, in its vectors
-    found = math.tan(commanded(parameters, **flight)[0]) * G
-    assert found == pytest.approx(acceleration, rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("flight", "acceleration"),
-    [
-        # outside of a right circle, towards it and away; a left one; backwards on both sides
-        ({"chi": 0.3, "path": (0.1, -5, 0, 0.01, 0)}, 2.139341015056),
-        ({"chi": 0.1, "path": (0.5, -30, 0, 0.01, 0)}, 11.026284130633),
-        ({"chi": -0.6, "path": (0.2, 30, 0, -0.01, 0)}, 2.362380905792),
-        ({"chi": 2.8, "path": (0, -8, 0, 0.01, 0)}, -10.447336882916),
-        ({"chi": -2.6, "path": (0.2, -6, 0, -0.01, 0)}, 0.756161308409),
-        # inside: near its middle, of a left one, and backwards
-        ({"chi": 0.4, "path": (0.1, 70, 0, 0.01, 0)}, -5.537624407989),
-        ({"chi": 0.2, "V": 15, "path": (0.1, 10, 0, -0.02, 0)}, -5.908872796112),
-        ({"chi": -2, "path": (0.3, 12, 0, 0.01, 0)}, 8.646952970182),
-    ],
-)
-def test_l1_holds_a_circle_as_the_source_of_ardupilot_does(flight, acceleration):
-    # AP_L1_Control::update_loiter, with its vectors from the middle of the circle
-    found = math.tan(commanded(L1 | {"ROLL_LIMIT_DEG": 89.99}, **flight)[0]) * G
-    assert found == pytest.approx(acceleration, rel=1e-10)
-
-
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("distance", "samples", "integral"),
@@ -292,26 +215,10 @@ SPEEDING = {"track": 103.0, "samples": 40, "gamma": 0.05, "alpha": 0.03, "speedi
             0.051753717901,
         ),
         ("NPFG_PERIOD", {"FW_T_VERT_ACC": 4}, {"track": 120, "samples": 5, "V": 18}, -0.1 / 4.5),
-        ("NAVL1_PERIOD", {}, SPEEDING | {"V_sp": 22.0}, -0.030124501720),
-        ("NAVL1_PERIOD", {"TECS_CLMB_MAX": 2.5}, {"track": 200.0}, 0.19005325301),
-        ("NAVL1_PERIOD", {"TECS_SINK_MAX": 1.5}, {"track": 20.0}, -0.114031951806),
-        (
-            "NAVL1_PERIOD",
-            {"TECS_SPDWEIGHT": 0.4},
-            {"track": 102.0, "V_sp": 23.0, "speeding": 0.4},
-            -0.030931745674,
-        ),
-        ("NAVL1_PERIOD", {"TECS_SPDWEIGHT": 1.7}, {"track": 100.0, "V_sp": 19.0}, 0.103363914373),
-        (
-            "NAVL1_PERIOD",
-            {"TECS_TIME_CONST": 4.0},
-            {"slope": 0.06, "gamma": 0.02, "V_sp": 20.5},
-            -0.020546813554,
-        ),
     ],
 )
-def test_tecs_climbs_as_the_sources_of_px4_and_ardupilot_do(period, parameters, flight, angle):
-    # TECS.cpp of PX4 and AP_TECS.cpp of ArduPilot, sample by sample with their default parameters
+def test_tecs_climbs_as_the_source_of_px4_does(period, parameters, flight, angle):
+    # TECS.cpp of PX4, sample by sample with its default parameters
     found = climbed({period: 15.0, **parameters}, **flight)[2]
     assert found == pytest.approx(angle, abs=1e-10)
 

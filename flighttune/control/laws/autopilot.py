@@ -35,8 +35,13 @@ AIRSPEED_BUFFER, MIN_RADIUS, TINY = 1.5, 0.5, 1e-6
 # [L] update_waypoint: largest angle for integration, and largest integral, rad.
 SMALL_ANGLE, LARGEST_INTEGRAL = 5.0 * DEG, 0.1
 
-# [A] _vdot_filter: samples of the acceleration whose mean is used.
-AVERAGED = 5
+# [E] navigate_loiter: speed against the sense of a circle from which it is not left, m/s.
+BACKWARDS = 2.0
+
+# [A] _vdot_filter: samples of the acceleration whose mean is used. _update_speed: twice the damping
+# of its filter, as it is written. _update_pitch: largest share of its range by which the integral
+# moves in a sample.
+AVERAGED, TWICE_DAMPING, LARGEST_SHARE = 5, 1.4142, 0.1
 
 # [N] lookAheadAngle: largest curvature of the way back to the track, times the bound of the track
 # error: ``max of pi u cos(pi u^2 / 2)`` over u from 0 to 1.
@@ -171,37 +176,61 @@ def _heading(bearing: float, wind: tuple[float, float], V: float) -> float:
     return math.atan2(left * s - wind[1], left * c - wind[0])
 
 
+class NumbersOfL1(NamedTuple):
+    """Numbers of L1, with the digits that a source has."""
+
+    per_pi: float
+    capture: float  # largest sine of the angle to a leg
+    tau: float
+    right_angle: float
+    slowest: float  # m/s: of the speed over ground on a circle
+
+
+IN_ARDUPILOT = NumbersOfL1(0.3183099, 0.7071, 6.2832, 1.5708, 1.0)  # [L]
+IN_PX4 = NumbersOfL1(1.0 / math.pi, 1.0, math.tau, RIGHT_ANGLE, 0.1)  # [E]
+
+
 class L1:
     """L1 along a leg, and about a circle on a curved track, as in [L] update_path."""
 
     def __init__(self, x: Any, dt: float) -> None:
-        self.x, self.dt, self.integral = x, dt, 0.0
-        self.per_distance = getattr(x, "distance_integral", 0.0)  # [E] has no integral
+        self.x, self.dt, self.integral, self.circling = x, dt, 0.0, False
+        self.ardupilot = hasattr(x, "distance_integral")  # [E] has no integral
+        self.numbers = IN_ARDUPILOT if self.ardupilot else IN_PX4
 
     def acceleration(self, m: Motion, track: Track, _V_sp: float) -> float:
         """Lateral acceleration, m/s^2."""
-        x, V_g, off = self.x, max(m.V_g, 0.1), wrap_angle(m.chi - track.course)
-        distance = x.damping * x.period * V_g / math.pi  # L1
-        per_sine = 4.0 * x.damping**2 * V_g * V_g / distance  # K_L1 V^2 / L1
-        if not track.curvature:  # [L] update_waypoint, [E] navigate_waypoints
-            capture = math.sqrt(0.5) if hasattr(x, "distance_integral") else 1.0
-            angle = math.asin(limited(-track.right / distance, -capture, capture))
-            if abs(angle) < SMALL_ANGLE:
-                more = self.integral + angle * self.per_distance * self.dt
-                self.integral = limited(more, -LARGEST_INTEGRAL, LARGEST_INTEGRAL)
-            angle += self.integral - off
-            return per_sine * math.sin(limited(angle, -RIGHT_ANGLE, RIGHT_ANGLE))
-        # [L] update_loiter, [E] navigate_loiter
-        omega, side = math.tau / x.period, math.copysign(1.0, track.curvature)
+        off = wrap_angle(m.chi - track.course)
+        return self._circle(m, track, off) if track.curvature else self._leg(m, track, off)
+
+    def _leg(self, m: Motion, track: Track, off: float) -> float:
+        """[L] update_waypoint, [E] navigate_waypoints."""
+        numbers, V_g = self.numbers, max(m.V_g, 0.1)
+        distance = numbers.per_pi * self.x.damping * self.x.period * V_g
+        sine = -track.right / max(distance, 0.1)
+        angle = math.asin(limited(sine, -numbers.capture, numbers.capture))
+        if self.ardupilot and abs(angle) < SMALL_ANGLE:
+            more = self.integral + angle * self.x.distance_integral * self.dt
+            self.integral = limited(more, -LARGEST_INTEGRAL, LARGEST_INTEGRAL)
+        angle = limited(angle + self.integral - off, -numbers.right_angle, numbers.right_angle)
+        return 4.0 * self.x.damping**2 * V_g * V_g / distance * math.sin(angle)
+
+    def _circle(self, m: Motion, track: Track, off: float) -> float:
+        """[L] update_loiter, [E] navigate_loiter."""
+        x, numbers, V_g = self.x, self.numbers, max(m.V_g, self.numbers.slowest)
+        omega, side = numbers.tau / x.period, math.copysign(1.0, track.curvature)
         radius, outside = 1.0 / abs(track.curvature), -side * track.right
-        outward, tangent = -side * V_g * math.sin(off), V_g * math.cos(off)
+        outward, tangent = -side * m.V_g * math.sin(off), m.V_g * math.cos(off)
         back = outside * omega**2 + outward * 2.0 * x.damping * omega
-        if outward > 0.0 and tangent < 0.0:
+        wrong = outward > 0.0 > tangent if self.ardupilot else tangent < -BACKWARDS
+        if wrong and (self.ardupilot or self.circling):
             back = max(back, 0.0)
         circle = back + tangent**2 / max(0.5 * radius, radius + outside)
         centre = limited(math.atan2(tangent, -outward), -RIGHT_ANGLE, RIGHT_ANGLE)
-        capture = per_sine * math.sin(centre)
-        return side * (capture if outside > 0.0 and capture < circle else circle)
+        distance = numbers.per_pi * x.damping * x.period * V_g
+        capture = 4.0 * x.damping**2 * V_g * V_g / distance * math.sin(centre)
+        self.circling = outside <= 0.0 or capture >= circle
+        return side * (circle if self.circling else capture)
 
     def linear(self, _V_a: float) -> tuple[float, float]:
         """Rate of the course per error of it (1/s) and per distance over the airspeed (1/s^2)."""
@@ -279,36 +308,33 @@ class TecsOfPx4(Tecs):
 class TecsOfArduPilot(Tecs):
     """The balance of ArduPilot's TECS."""
 
+    # The throttle of its other half does not limit the height that is asked for: the aircraft's own
+    # autothrottle holds the airspeed.
     def start(self, m: Motion, V_sp: float) -> None:
         """Begin in steady flight."""
         super().start(m, V_sp)
         self.accelerations: deque[float] = deque(maxlen=AVERAGED)
         self.drift = self.of_speed = 0.0
-        self.h_asked = self.h_slow = m.h
+        self.h_before = self.h_asked = self.h_slow = m.h
+        # Angle without limits, and the sign of the limit that the rate of energy met
+        self.unlimited, self.clipped = self.angle, 0.0
+        self.climb_share = self.sink_share = 1.0
 
     def climb_angle(self, m: Motion, track: Track, lower: float, upper: float) -> float:
         """The pitch over its trim (rad), within limits: [A] _update_pitch."""
         x, dt, g, late = self.x, self.dt, self.g, self.x.height_tc
-        self.accelerations.append(m.V_dot)  # _update_speed: complementary filter
-        V_dot = sum(self.accelerations) / len(self.accelerations)
-        off = m.V_a - self.V
-        self.drift += off * x.speed_omega**2 * dt
-        rate = self.drift + V_dot + off * x.speed_omega * math.sqrt(2.0)
-        V = self.V = max(self.V + rate * dt, 3.0)
-        part = dt / (dt + late)
-        self.V_dot += part * (V_dot - self.V_dot)
-        # _update_height_demand; a commanded rate of climb moves the height
-        self.h = self.h + track.slope * m.V_g * dt if track.h is None else track.h
-        self.h_asked += limited(self.h - self.h_asked, -x.sink * dt, x.climb * dt)
-        rate = (self.h_asked - self.h_slow) / x.demand_tc
-        self.h_slow += dt / (dt + x.demand_tc) * (self.h_asked - self.h_slow)
+        V_dot, part = self._filter(m), dt / (dt + late)
+        rate, V = self._demand(m, track, lower, upper), self.V
         height, kinetic = self.shares
         fast = 0.5 * (V * V - self.V_sp**2) * kinetic  # _SKE_est - _SKE_dem
-        asked = rate * g * height + ((self.h_slow - m.h) * g * height + fast) / late
-        asked = limited(asked, -x.sink * g, x.climb * g)
+        wanted = rate * g * height + ((self.h_slow - m.h) * g * height + fast) / late
+        asked = limited(wanted, -x.sink * g, x.climb * g)
+        self.clipped = wanted - asked
         error = asked - (m.climb * g * height - V * (V_dot - self.V_dot) * kinetic)
         total, scale = asked + error * x.damp, V * g
-        more = error * x.integral * dt
+        ends = [scale * end - total for end in (lower - SMALL_ANGLE, upper + SMALL_ANGLE)]
+        most = LARGEST_SHARE * (ends[1] - ends[0])
+        more = limited(error * x.integral * dt, -most, most)
         free = (total + self.integral + more + self.of_speed) / scale
         if (free > upper and more > 0.0) or (free < lower and more < 0.0):
             self.integral *= 1.0 - part
@@ -316,11 +342,44 @@ class TecsOfArduPilot(Tecs):
         else:
             self.integral += more
             self.of_speed += fast * dt / late
-        ends = (scale * end - total for end in (lower - SMALL_ANGLE, upper + SMALL_ANGLE))
         self.integral = limited(self.integral, *ends)
         most = 0.25 * (upper - lower) * scale
         self.of_speed = limited(self.of_speed, -most, most)
-        return self.slewed((total + self.integral + self.of_speed) / scale, lower, upper)
+        self.unlimited = (total + self.integral + self.of_speed) / scale
+        return self.slewed(self.unlimited, lower, upper)
+
+    def _filter(self, m: Motion) -> float:
+        """Airspeed and its slow rate by a complementary filter; its rate: [A] _update_speed."""
+        dt, omega = self.dt, self.x.speed_omega
+        self.accelerations.append(m.V_dot)
+        V_dot = sum(self.accelerations) / len(self.accelerations)
+        self.V_dot += dt / (dt + self.x.height_tc) * (V_dot - self.V_dot)
+        off = m.V_a - self.V
+        self.drift += off * omega**2 * dt
+        self.V = max(self.V + (self.drift + V_dot + off * omega * TWICE_DAMPING) * dt, 3.0)
+        return V_dot
+
+    def _demand(self, m: Motion, track: Track, lower: float, upper: float) -> float:
+        """Move the height that is asked for, and return its rate: [A] _update_height_demand."""
+        x, dt, high, low = self.x, self.dt, self.unlimited > upper, self.unlimited < lower
+        # A commanded rate of climb moves the height.
+        h = self.h = self.h + track.slope * m.V_g * dt if track.h is None else track.h
+        if (high and h > self.h_before) or (low and h < self.h_before):  # update_pitch_throttle
+            h = self.h_before
+        step = 0.5 * (h + self.h_before) - self.h_asked
+        step = limited(step, -x.sink * self.sink_share * dt, x.climb * self.climb_share * dt)
+        self.h_before, self.h_asked = h, self.h_asked + step
+        missing, part = self.h_asked - self.h_slow, dt / (dt + x.demand_tc)
+        self.h_slow += part * missing
+        # The rate that is allowed falls while the pitch cannot follow it.
+        if (high or self.clipped > 0.0) and missing > 0.0:
+            self.climb_share *= 1.0 - part
+        elif (low or self.clipped < 0.0) and missing < 0.0:
+            self.sink_share *= 1.0 - part
+        else:
+            self.climb_share += part * (1.0 - self.climb_share)
+            self.sink_share += part * (1.0 - self.sink_share)
+        return missing / x.demand_tc
 
 
 class Guidance:
