@@ -90,7 +90,7 @@ def test_the_wheel_says_what_a_package_index_shows(dist):
     (text,) = (data for name, data in contents(wheel).items() if name.endswith("/METADATA"))
     said = email.message_from_bytes(text)
 
-    assert said["License-Expression"] == "MIT AND LGPL-2.1-or-later"
+    assert said["License-Expression"] == "MIT AND LGPL-2.1-or-later AND Bitstream-Vera"
     assert said["Description-Content-Type"] == "text/markdown"
     assert said["Keywords"]
     assert {f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13, 14)} <= set(

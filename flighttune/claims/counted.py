@@ -30,6 +30,7 @@ from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import files_hash
 from flighttune.vehicles.plants.base import plant_label
+from flighttune.vehicles.plants.jsbsim.model_files import wing_span
 
 # Gains within this relative difference count as equal: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
@@ -52,6 +53,12 @@ class BandFlights:
     gains_name: str
     gains: PIGains
     aircraft: Mapping[str, str]  # SHA-256 of the files of each aircraft, by name or folder
+
+    @property
+    def span(self) -> float | None:
+        """The wing span of the aircraft, m; None where there is none or its model states none."""
+        table = self.scenario.plant_table(self.plant)
+        return None if table.aircraft is None else wing_span(table.config)
 
     @property
     def flown(self) -> str:
@@ -264,7 +271,15 @@ class Counted(Answering):
 
     @property
     def sentence(self) -> str:
-        """The claim in words."""
+        """The claim in words, with the flights that it is about."""
+        ending = self.ending
+        if not (ending.corridor and ending.complete(len(self.scores))):
+            return self.claim_words
+        return f"{self.claim_words}. All are flights of {self.flights.sentence}"
+
+    @property
+    def claim_words(self) -> str:
+        """The claim in words, without its flights."""
         ending, flights = self.ending, len(self.scores)
         if not ending.corridor:
             return f"no corridor is claimed: {flights} flights were counted to answer the fence"
@@ -276,13 +291,12 @@ class Counted(Answering):
         if not self.claims:
             return (
                 f"nothing is claimed: of {flights} fresh flights {self.lost}, and at most "
-                f"{self.allowed} may. All are flights of {self.flights.sentence}"
+                f"{self.allowed} may"
             )
         return (
             f"a new flight {self._leaves} with probability at most "
             f"{number(ending.epsilon)}, confidence {self.confidence:.10g}{self.shared.words}: "
-            f"{self.outside} of {flights} fresh flights did. All are flights of "
-            f"{self.flights.sentence}"
+            f"{self.outside} of {flights} fresh flights did"
         )
 
     @property

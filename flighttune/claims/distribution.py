@@ -107,15 +107,20 @@ class Distribution:
             air.insert(0, "calm air")
         if "navigation" not in self.air_words and self._values("route."):
             air.append(EXACT)
-        drawn = [
-            f"{words} {values}" + (f" ({how})" if how != "uniform" else "")
-            for key, words, values, how in self._drawn
-            if not key.startswith(NAMED_APART)
-        ]
+        drawn = self.varied
         if len(drawn) > MAX_NAMED:
             drawn[MAX_NAMED - 1 :] = [f"{len(drawn) - MAX_NAMED + 1} more in the table of flights"]
         keys = f"; drawn at random: {listed(drawn)}" if drawn else ""
         return f"{flown} at {self.airspeeds} in {', '.join(air)}{keys}"
+
+    @property
+    def varied(self) -> list[str]:
+        """Each drawn key with its range and distribution, besides the air and the airspeed."""
+        return [
+            f"{words} {values}" + (f" ({how})" if how != "uniform" else "")
+            for key, words, values, how in self._drawn
+            if not key.startswith(NAMED_APART)
+        ]
 
     def records(self, flown: str) -> list[dict[str, str]]:
         """Plant, airspeed, start, air, and every drawn key with its range and unit."""

@@ -25,7 +25,6 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.follow import SAME_PLACE
 from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
 from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume
-from flighttune.vehicles.plants.jsbsim.model_files import wing_span
 
 # Signals of flights that turn back, m, each the maximum since detection: the horizontal distance
 # from the route in any direction, and the difference of height from the place of detection.
@@ -194,13 +193,12 @@ class TurnBack(Counted):
     @property
     def largest_dimension(self) -> float:
         """The wing span of the aircraft, m; 0 where there is none or its model states none."""
-        table = self.flights.scenario.plant_table(self.flights.plant)
-        return 0.0 if table.aircraft is None else wing_span(table.config) or 0.0
+        return self.flights.span or 0.0
 
     def terms(self, corridor: Band) -> list[dict[str, Any]]:
         """Terms of the width of a contingency volume: of the guideline, and as counted, m.
 
-        The room that was counted is reaction and manoeuvre together.
+        The room that was counted is reaction and manoeuvre together. The last row has their sum.
         """
         V_a, g = max(self.flights.central.airspeeds), self.flights.central.flight.g_mps2
         reaction = V_a * self.table.reaction_s
@@ -208,13 +206,15 @@ class TurnBack(Counted):
         beside = self.volumes(corridor)[GEOGRAPHY].width
         errors = navigation_errors(corridor)
         navigation = 0.0 if errors is None else min(errors.beside, beside)
-        return [
+        terms = [
             {"term": "S_GPS", "is": "navigation", "guideline": S_GPS, "counted": navigation},
             {"term": "S_Pos", "is": "holding", "guideline": S_POS, "counted": beside - navigation},
             {"term": "S_K", "is": "map", "guideline": S_K, "counted": None},
             {"term": "S_RZ", "is": "reaction", "guideline": reaction, "counted": None},
             {"term": "S_CM", "is": "manoeuvre", "guideline": turn, "counted": self.room.from_route},
         ]
+        sums = {key: sum(x[key] or 0.0 for x in terms) for key in ("guideline", "counted")}
+        return [*terms, {"term": "S_CV", "is": "sum", **sums}]
 
     def sizes(self) -> list[dict[str, float]]:
         return [{"high": size} for size in self.room]

@@ -74,7 +74,7 @@ def mission(
             odds = count_mission(out=out)
             answer, file = odds.answer(), out or Path(source)
             if page is not None:
-                write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer)
+                write_claim_page(odds.band, str(file), page, odds)
     except errors.InfeasibleError:  # the plan tells the reason
         of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
         return mission_plan(source, changes=changes, **of_plan).answer()

@@ -360,7 +360,8 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     assert [terms[f"S_{x}"] for x in ("GPS", "Pos", "K", "RZ")] == [3.0, 3.0, 1.0, 25.0]
     assert terms["S_CM"] == pytest.approx(25.0**2 / (9.81 * np.tan(np.deg2rad(BANK))))
     counted = [row["counted"] for row in said.values["turn_back"]["terms"]]
-    assert counted == [0.0, pytest.approx(5.0), None, None, 272.0]  # it knows its place exactly
+    # It knows its place exactly; the sum is the width of the contingency volume.
+    assert counted == [0.0, pytest.approx(5.0), None, None, 272.0, pytest.approx(277.0)]
     with mock.patch.object(TurnBack, "largest_dimension", 40.0):
         geography = room.volumes(corridor)["flight geography"]
     assert (geography.width, geography.high - geography.low) == (60.0, 120.0)

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+from flighttune.claims.band import Band
 from flighttune.claims.mission import MissionOdds, OverGround, PlannedMission, over_ground
+from flighttune.claims.turn_back import TurnBack
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.band import summary
 from flighttune.outputs.answers.turn_back import ended
@@ -47,10 +49,9 @@ def _of_flights(mission: MissionOdds) -> Answer:
     if room is None:
         return replace(answer, summary=lines, files=files)
     said = room.answer(files.get("room") or "FILE")
-    turns, terms = dict(said.values), []
-    if room.claims and band.claims:
-        turns["terms"] = room.terms(band)
-        terms = [Table(TERM_COLUMNS, turns["terms"], TERMS)]
+    turns, terms = dict(said.values), terms_table(room, band)
+    if terms:
+        turns["terms"] = terms[0].records
     total = band.confidence + room.confidence - 1.0
     return replace(
         answer,
@@ -61,6 +62,13 @@ def _of_flights(mission: MissionOdds) -> Answer:
         failure=answer.failure or (f"room to turn back: {said.failure}" if said.failure else ""),
         files=files,
     )
+
+
+def terms_table(room: TurnBack, band: Band) -> list[Table]:
+    """Terms of the width of the contingency volume, if one is claimed."""
+    if not (room.claims and band.claims):
+        return []
+    return [Table(TERM_COLUMNS, room.terms(band), TERMS)]
 
 
 def planned(mission: PlannedMission) -> Answer:

@@ -1,6 +1,5 @@
 """The page of a claim file, and plots of claims and flights."""
 
-import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -8,8 +7,8 @@ from typing import NamedTuple
 
 from flighttune.base.answering import function_for
 from flighttune.base.errors import InputError
-from flighttune.base.files.whole import current
 from flighttune.claims.counted import SignalBounds
+from flighttune.claims.mission import MissionOdds
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.per_hour import PerHour
 from flighttune.claims.tubes.enclosure import Tube
@@ -19,11 +18,12 @@ from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run
-from flighttune.outputs.answers.answer import Answer, Table, facts_table
+from flighttune.outputs.answers.answer import Table, facts_table
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.chart import Chart, Sheet, dashes
 from flighttune.outputs.pages.frame import Report, Section, write_answer
 from flighttune.outputs.pages.panels import errors, flown_signals
+from flighttune.outputs.pages.sheet import font, sha256
 
 # The parts of the page of a claim, and its charts, by class as module:function.
 PAGES = {
@@ -49,9 +49,17 @@ class Asked(NamedTuple):
     """Context of the page of a claim."""
 
     source: str  # file of the claim
-    room: TurnBack | None = None  # room of flights that turn back, drawn on the map as volumes
-    terrain: str | Path | None = None  # raster of heights below the route
-    said: Answer | None = None  # answer of a mission, whose lines replace the band's lines
+    mission: MissionOdds | None = None  # the mission of a band
+
+    @property
+    def room(self) -> TurnBack | None:
+        """Room of flights that turn back, drawn on the map as volumes."""
+        return None if self.mission is None else self.mission.room
+
+    @property
+    def terrain(self) -> str | Path | None:
+        """Raster of heights below the route."""
+        return None if self.mission is None else self.mission.terrain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +72,8 @@ class Parts:
     tables: Sequence[Table]
     charts: Sequence[Chart] = ()
     heading: str = ""  # of the charts, instead of "Responses"
+    below: Sequence[Table] = ()  # tables below the charts
+    conditions: Sequence[Table] = ()  # tables that are printed with the map as one A4 page
     changed: Sequence[str] = ()  # notes for the charts
     facts: Mapping[str, str] = field(default_factory=dict)  # rows of its provenance
     texts: Mapping[str, str] = field(default_factory=dict)  # source files
@@ -97,20 +107,13 @@ def _stated(claim: AnyClaim, title: str) -> Parts:
 
 
 def write_claim_page(
-    claim: AnyClaim,
-    source: str,
-    path: str | Path,
-    room: TurnBack | None = None,
-    terrain: str | Path | None = None,
-    said: Answer | None = None,
+    claim: AnyClaim, source: str, path: str | Path, mission: MissionOdds | None = None
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
-    Its map has the volumes of flights that turn back in their `room`. `said` is the answer of a
-    mission, whose lines replace the band's lines on the page.
+    That of a band along a route prints as one A4 page, with what a `mission` counted besides.
     """
-    parts: Parts = function_for(claim, PAGES)(claim, Asked(source, room, terrain, said))
-    digest = hashlib.sha256(current(Path(source)).read_bytes()).hexdigest()
+    parts: Parts = function_for(claim, PAGES)(claim, Asked(source, mission))
     drawn = [table for table in parts.tables if table.name == "dispersions"]
     others = [table for table in parts.tables if table.name != "dispersions"]
     page = write_answer(
@@ -118,15 +121,19 @@ def write_claim_page(
         title=parts.title,
         summary=parts.sentences,
         parts={
-            "responses": Section(title=parts.heading, note=parts.changed, charts=parts.charts),
+            "responses": Section(
+                title=parts.heading, note=parts.changed, charts=parts.charts, tables=parts.below
+            ),
+            "conditions": Section(tables=parts.conditions),
             "flown": Section(tables=drawn),
             "claim": Section(note=parts.notes, tables=others),
         },
         provenance=facts_table(
-            "Provenance", {"file": source, "its SHA-256": digest, **parts.facts}
+            "Provenance", {"file": source, "its SHA-256": sha256(Path(source)), **parts.facts}
         ),
         commands=f"flighttune verify {source}",
         texts=parts.texts,
+        font=font() if parts.conditions else "",
     )
     return replace(page, shown=claim.answer())
 

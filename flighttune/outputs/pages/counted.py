@@ -18,6 +18,7 @@ from flighttune.claims.verify import stale_notes
 from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
+from flighttune.outputs.pages import sheet
 from flighttune.outputs.pages.charts import (
     APART,
     DISTANCE_AXIS,
@@ -161,10 +162,10 @@ def _room(room: TurnBack) -> Chart:
 
 def counted(claim: Counted, asked: Asked) -> Parts:
     """The page of a count: its flights, their scenario and their campaign."""
-    return _counted(claim, asked, claim.answer(asked.source))
+    return _counted(claim, claim.answer(asked.source))
 
 
-def _counted(claim: Counted, asked: Asked, answer: Answer) -> Parts:
+def _counted(claim: Counted, answer: Answer) -> Parts:
     about, campaign, tables = claim.about, claim.about.plan["campaign"], [*answer.tables]
     if claim.flights.over == "along":
         tables += claim.flights.route.answer().tables
@@ -173,7 +174,7 @@ def _counted(claim: Counted, asked: Asked, answer: Answer) -> Parts:
         sentences=[claim.sentence],
         notes=[note for note in (*stale_notes(claim), *answer.notes) if note != claim.sentence],
         tables=tables,
-        changed=(asked.said or answer).changed,
+        changed=answer.changed,
         facts={
             "flights": f"{len(claim.scores)} counted, {about.learned} learned from",
             "flights lost": claim.lost,
@@ -213,7 +214,8 @@ def band(claim: Band, asked: Asked) -> Parts:
         parts = bounds(claim, asked)
         return replace(parts, sentences=[claim.sentence, *claim.said_of_fences])
     answer = claim.answer(asked.source)
-    parts = _counted(claim, asked, answer)
+    said = answer if asked.mission is None else asked.mission.answer()
+    parts = _counted(claim, answer)
     notes, tables = [*parts.notes, claim.sentence, *claim.said_of_fences], [*parts.tables]
     notes += [NOT_SEEN] * (asked.terrain is None)
     if asked.room is not None:
@@ -224,8 +226,11 @@ def band(claim: Band, asked: Asked) -> Parts:
         parts,
         title=f"Mission {quoted(claim.flights.scenario.title)}",
         heading="Map, heights and corridor",
-        sentences=(asked.said or answer).summary,
+        sentences=said.summary,
+        changed=said.changed,
         notes=[*notes, *how_to_read(claim)],
         tables=tables,
+        below=sheet.volumes(asked.mission),
+        conditions=sheet.tables(claim, asked.source, asked.mission),
         charts=mission_charts(claim, asked.room, asked.terrain),
     )

@@ -46,6 +46,7 @@ PARTS = (
     ("accuracy", "Accuracy", True),
     ("requirements", "Requirements", True),
     ("responses", "Responses", True),
+    ("conditions", "What it holds for, and how to check it", True),
     ("margins", "Margins of the loop", False),
     ("costs", "What each requirement costs", False),
     ("flown", "What was flown", False),

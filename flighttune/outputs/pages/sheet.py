@@ -1,0 +1,152 @@
+"""What a mission's page prints as one A4 page: conditions, claims, and how to check them."""
+
+import base64
+import hashlib
+from pathlib import Path
+
+from flighttune.base.files.whole import current
+from flighttune.claims.band import Band
+from flighttune.claims.distribution import AIR, EXACT
+from flighttune.claims.mission import MissionOdds
+from flighttune.flight.fly import library_versions
+from flighttune.outputs.answers import per_hour
+from flighttune.outputs.answers.answer import Column, Table, facts_table
+from flighttune.outputs.answers.mission import terms_table
+from flighttune.outputs.answers.tables import gains_table
+from flighttune.outputs.pages.frame import sentence
+from flighttune.routes.maps import NOT_SEEN
+
+VOLUME_COLUMNS = (
+    Column("volume", "volume"),
+    Column("width_m", "to each side", "m", ".1f"),
+    Column("min_over_ground_m", "from", "m", ".1f"),
+    Column("max_over_ground_m", "to", "m", ".1f"),
+)
+FILE_COLUMNS = (
+    Column("file", "file"),
+    Column("command", "check it with"),
+    Column("digest", "its SHA-256"),
+)
+
+# Libraries whose versions decide the numbers of a flight.
+DECIDING = "flighttune", "jsbsim", "numpy", "python"
+
+NO_GAIN = "0.0000", ""
+
+FAILURES = "Failures of engine, link and receiver"
+
+
+def volumes(mission: MissionOdds | None) -> list[Table]:
+    """Terms of the width of the contingency volume, and the sizes of all volumes, if claimed."""
+    if mission is None or mission.room is None:
+        return []
+    terms = terms_table(mission.room, mission.band)
+    if not terms:
+        return []
+    sizes = [
+        {"volume": name, **volume.outwards.sizes}
+        for name, volume in mission.room.volumes(mission.band).items()
+    ]
+    return [*terms, Table(VOLUME_COLUMNS, sizes, "volumes, heights over ground")]
+
+
+def tables(band: Band, source: str, mission: MissionOdds | None) -> list[Table]:
+    """What a band along a route holds for, what is claimed, faults, and how to check it."""
+    hourly = None if mission is None else mission.per_hour
+    return [
+        facts_table("", conditions(band, mission)),
+        *([] if hourly is None else per_hour.tables(hourly)[:1]),
+        facts_table("What is claimed", claims(band, mission)),
+        files_table(source, mission),
+    ]
+
+
+def conditions(band: Band, mission: MissionOdds | None) -> dict[str, str]:
+    """Aircraft, air, navigation, law and flights, in words."""
+    flights, about = band.flights, band.about
+    distribution, law = flights.distribution, flights.scenario.law_table(flights.gains_name)
+    air = dict(distribution.air_words)
+    known = air.pop("navigation", "")
+    size = f", {flights.span:.3g} m of span" if flights.span else ""
+    words = ", ".join(AIR[name].format(text) for name, text in air.items())
+    counted = f"{len(band.scores)} counted, {about.learned} learned from"
+    if mission is not None and mission.room is not None:
+        counted += f"; {len(mission.room.scores)} counted that turn back"
+    return {
+        "aircraft": f"{flights.plant}{size}, at {distribution.airspeeds}",
+        "drawn at random": "; ".join(distribution.varied) or "no more",
+        "air": words or "calm",
+        "navigation": known or EXACT,
+        "law": f"{law.kind}, gains {flights.gains_name}: {_gains(band)}",
+        "route": f"{flights.route.answer().verdict}",
+        "flights": f"{counted}; seed {about.plan['campaign']['seed']}",
+    }
+
+
+def _gains(band: Band) -> str:
+    """The gains of each command that are not zero."""
+    table = gains_table("", band.flights.gains)
+    said = []
+    for record in table.records:
+        command, *columns = table.columns
+        parts = [
+            f"{column.text(record)} {column.name}"
+            for column in columns
+            if column.text(record) not in NO_GAIN
+        ]
+        said.append(f"{command.text(record)} = {', '.join(parts)}")
+    return "; ".join(said)
+
+
+def claims(band: Band, mission: MissionOdds | None) -> dict[str, str]:
+    """Each claim, and what none of them has in it."""
+    room = None if mission is None else mission.room
+    hourly = None if mission is None else mission.per_hour
+    fences = [f"fence {i}" for i in range(1, len(band.said_of_fences) + 1)]
+    stated = {"corridor": band.claim_words}
+    stated |= dict(zip(fences if len(fences) > 1 else ["fence"], band.said_of_fences, strict=False))
+    if room is not None:
+        stated["room to turn back"] = room.claim_words
+    if hourly is not None:
+        stated["per flight hour"] = hourly.sentence
+    missing = FAILURES if hourly is None else "Faults of other kinds"
+    stated["not in it"] = f"{missing}, errors of the crew, other traffic and injuries on the ground"
+    if mission is None or mission.terrain is None:
+        stated["ground"] = NOT_SEEN
+    return {what: sentence(claim) for what, claim in stated.items()}
+
+
+def files_table(source: str, mission: MissionOdds | None) -> Table:
+    """The files of the claims and volumes with their digests, and the commands that check them."""
+    files = {"band": Path(source)}
+    if mission is not None:
+        files |= {key: file for key, file in mission.files.items() if file is not None}
+    records = [
+        {
+            "file": file.name,
+            "command": "" if key in ("volumes", "kml") else f"flighttune verify {file.name}",
+            "digest": sha256(file),
+        }
+        for key, file in files.items()
+    ]
+    versions = library_versions()
+    with_versions = ", ".join(f"{name} {versions[name]}" for name in DECIDING if name in versions)
+    return Table(FILE_COLUMNS, records, f"How to check it (with {with_versions})")
+
+
+def sha256(file: Path) -> str:
+    """SHA-256 of a file, also of one that is about to be written."""
+    return hashlib.sha256(current(file).read_bytes()).hexdigest()
+
+
+def font() -> str:
+    """CSS with the font of the printed page, so that it fits on every computer alike."""
+    faces = []
+    for name, weight in (("regular", 400), ("bold", 700)):
+        file = Path(__file__).with_name("fonts") / f"{name}.woff2"
+        data = base64.b64encode(file.read_bytes()).decode()
+        faces.append(
+            f"@font-face {{ font-family: Sheet; font-weight: {weight}; "
+            f"src: url(data:font/woff2;base64,{data}) format('woff2'); }}"
+        )
+    return "\n".join(faces)

@@ -1,0 +1,146 @@
+"""The page of a mission prints as one A4 page, with its font inside, whole and without overlaps."""
+
+import base64
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import OVERLAPS, chromium_at_real_speed
+from made_up_band import count_of
+
+import flighttune as ft
+from flighttune.claims import counted_flights
+from flighttune.claims.mission import MissionOdds
+from flighttune.claims.per_hour import FlownTerm, PerHour, Volume
+from flighttune.claims.rates_keys import KINDS
+from flighttune.claims.turn_back import TurnBack
+from flighttune.outputs.pages.claim import write_claim_page
+
+# Pixels of CSS, 96 per inch: the width of A4 without its margins.
+MM = 96.0 / 25.4
+WIDTH = round((210 - 2 * 12) * MM)
+
+RANGES = {
+    "stuck_deg": [-25, 25], "factor": [2, 8], "bias_mps": [-8, 8], "jump_m": [5, 50],
+    "drift_mps": [0.1, 1],
+}  # fmt: skip
+
+# Texts that a box cuts off, or that stick out of the page.
+CUT = """[...document.querySelectorAll("h1, h2, h3, p, th, td, li, figcaption span")].filter(
+  e => e.checkVisibility() && (e.getBoundingClientRect().right > innerWidth + 1
+    || getComputedStyle(e).display !== "inline" && e.scrollWidth > e.clientWidth + 1)
+).map(e => e.textContent)"""
+
+
+def every_fault(plan):
+    """Exits per flight hour with each kind of fault, whose flights all stayed inside."""
+    source = "failure modes and effects of the maker, table 3, and 12,000 h of a fleet"
+    faults = [
+        {"kind": name, "per_hour": 1e-3, "source": source, "flights": 30}
+        | ({kind.range_key: RANGES[kind.range_key]} if kind.range_key else {})
+        for name, kind in KINDS.items()
+    ]
+    terms = [
+        FlownTerm(fault=fault, ended_s=None, left_s=(-1.0,) * 30, end_s=(60.0,) * 30)
+        for fault in (None, *range(len(faults)))
+    ]
+    square = ((-900.0, -900.0), (-900.0, 900.0), (900.0, 900.0), (900.0, -900.0))
+    volume = Volume(rings=(square,), outside=(False,), low=None, high=None)
+    rates = {"target_per_hour": 1e-2, "flights": 30, "fault": faults}
+    return PerHour(
+        rates=rates, confidence=0.9, plan=plan.as_dict(), volume=volume, terms=tuple(terms)
+    )
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory):
+    """A mission with all that can be counted, with made-up distances, and its files."""
+    places = ((0.0, 0.0), (600.0, 0.0), (600.0, 500.0))
+    changes = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in places]}
+    flights = ft.flights("circuit", changes=changes).knowing("standard")
+    plan = flights.plan(plant="kinematic", gains="paper").with_runs(17)
+
+    def counted(kind, plan, away):
+        few = {"epsilon": 0.3, "confidence": 0.9}
+        measured = kind.measures.chosen(plan, None)
+        return count_of(kind, plan.with_runs(17), measured, away, np.ones(7), **few)
+
+    file = tmp_path_factory.mktemp("sheet") / "m.npz"
+    turning = counted_flights.turning_back(plan, 30.0)
+    band, room = counted(ft.Band, plan, [5.0, 2.0]), counted(TurnBack, turning, [271.2, 3.4])
+    band.save(file)
+    odds = MissionOdds(band=band, files={"band": file}, file=file)
+    return odds.with_room(room).with_rate(every_fault(plan))
+
+
+@pytest.fixture(scope="module")
+def printed():
+    """Print the page of a mission: the PDF, what lies on something else, and what is cut off."""
+    with chromium_at_real_speed((WIDTH, 1000)) as open_tab:
+
+        def of(mission):
+            page = mission.file.with_suffix(".html")
+            write_claim_page(mission.band, str(mission.file), page, mission)
+            with open_tab(page.as_uri()) as tab:
+                tab.until("document.readyState === 'complete'")
+                told = tab.asked("Page.printToPDF", preferCSSPageSize=True)
+                tab.asked("Emulation.setEmulatedMedia", media="print")
+                tab.run("document.fonts.ready.then(() => true)")
+                overlaps = tab.run(f"(() => {{{OVERLAPS} return overlaps;}})()")
+                return base64.b64decode(told["data"]), overlaps, tab.run(CUT)
+
+        yield of
+
+
+def pages(pdf):
+    return len(re.findall(rb"/Type\s*/Page\b(?!s)", pdf))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("faults", [True, False])
+def test_a_mission_prints_as_one_page_of_a4(mission, printed, faults):
+    pdf, overlaps, cut = printed(mission if faults else replace(mission, per_hour=None))
+
+    assert pages(pdf) == 1
+    box = re.search(rb"/MediaBox\s*\[\s*0 0 ([\d.]+) ([\d.]+)", pdf)
+    assert [float(x) / 72 * 25.4 for x in box.groups()] == pytest.approx([210, 297], abs=0.5)
+    assert overlaps == []
+    assert cut == []
+    fonts = {*re.findall(rb"/FontName /[A-Z]{6}\+([\w-]+)", pdf)}
+    assert fonts == {b"DejaVuSansCondensed", b"DejaVuSansCondensed-Bold"}
+
+
+@pytest.mark.slow
+def test_what_does_not_fit_makes_a_second_page(mission, printed):
+    """So the check above can fail."""
+    scenario = mission.band.flights.scenario
+    title = scenario.model_copy(update={"title": "A very long title " * 300})
+    flights = replace(mission.band.flights, scenario=title)
+    pdf, *_ = printed(replace(mission, band=replace(mission.band, flights=flights)))
+
+    assert pages(pdf) > 1
+
+
+@pytest.mark.slow
+def test_the_page_has_terms_volumes_claims_and_the_digest_of_each_file(mission):
+    page = mission.file.with_suffix(".html")
+    write_claim_page(mission.band, str(mission.file), page, mission)
+    text = page.read_text()
+    cells = re.findall(r"<t[hd][^>]*>([^<]*)</t[hd]>", text)
+
+    for term in ("S_GPS", "S_Pos", "S_K", "S_RZ", "S_CM", "S_CV"):
+        assert term in cells
+    # 5 m to a side, 272 m to turn back, and once more the height
+    names = "flight geography", "contingency volume"
+    sizes = [float(cells[cells.index(name) + 1]) for name in names]
+    assert sizes == pytest.approx([5.0, 277.0], abs=0.11)
+    files = [Path(file) for file in mission.files.values()]
+    assert len(files) == 5
+    for file in files:
+        assert cells[cells.index(file.name) + 2] == hashlib.sha256(file.read_bytes()).hexdigest()
+    claims = cells[cells.index("corridor") : cells.index("not in it")]
+    assert claims[::2] == ["corridor", "room to turn back", "per flight hour"]
+    assert all(claim[0].isupper() and claim.endswith(".") for claim in claims[1::2])
