@@ -175,7 +175,11 @@ def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> 
     return A[np.ix_(used, used)], B[used], -C[:, used]
 
 
-def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
+# Probe of a flight with the quantiles of its signals.
+KEPT = "kept_signals"
+
+
+def kept_signals(run: Run, _scenario: Scenario | None) -> list[float]:
     """Quantiles at `SHARE` of the signals of `LOGGED`; NaN for a missing signal."""
     # A log has the errors that its autopilot saw, and so has a flight with navigation errors.
     seen = [f"{name}_seen" if f"{name}_seen" in run.signals else name for name in LOGGED]
@@ -291,13 +295,13 @@ def compare(  # type: ignore[misc]
         except InputError:
             flights = 1  # all flights would be equal
     plan = plan.with_runs(flights * len(plan.groups))
-    logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
+    logged, notes = ([], []) if log is None else logged_signals(log, columns, now, version)
     with WorkerPool(fliers) as pool:
-        rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
+        rows = list(pool.rows(plan, range(plan.runs), probes={KEPT: kept_signals}))
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
-    tracking = _tracking(logged, frame) if logged else []
-    notes += [_within(tracking)] if tracking else []
+    tracking = tracking_of(logged, frame)
+    notes += within_flights(tracking)
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
 
@@ -342,12 +346,12 @@ def guided(plan: Plan, laws: Mapping[str, Autopilot]) -> Plan:
     )
 
 
-def _logged(
+def logged_signals(
     log: str, columns: Columns, now: Flown, version: str | None
 ) -> tuple[list[float], list[str]]:
     """Quantiles of the signals of a log, and sentences on differences from the flights."""
     run, place = load_part(str(log), columns), Path(str(log).partition("@")[0])
-    kept = _kept(run, None)
+    kept = kept_signals(run, None)
     if np.isnan(kept).all():
         raise InputError(f"{log}: must have one of the signals {', '.join(LOGGED)}, got none.")
     differ: list[str] = []
@@ -357,23 +361,30 @@ def _logged(
     return kept, [f"The log was flown with other parameters: {', '.join(differ)}."] * bool(differ)
 
 
-def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """The log's tracking between minimum and maximum of the flights with the user's guidance."""
+def tracking_of(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """The log's tracking between minimum and maximum of the flights with the user's guidance.
+
+    Without a log it is empty.
+    """
+    if not logged:
+        return []
     flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
-    kept = pd.DataFrame(flown["kept"].tolist(), columns=[*LOGGED])
+    kept = pd.DataFrame(flown[KEPT].tolist(), columns=[*LOGGED])
     words, units, _ = zip(*LOGGED.values(), strict=True)
     table = {"of": words, "log": logged, "low": kept.min(), "high": kept.max(), "unit": units}
     return pd.DataFrame(table).dropna(subset=["log", "low"]).to_dict("records")
 
 
-def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
-    """A sentence on whether the log lies within the range of the flights."""
+def within_flights(tracking: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence on whether the log lies within the range of the flights; none without a log."""
+    if not tracking:
+        return []
     inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
     outside = [x["of"] for x in tracking if x["of"] not in inside]
     yours = "the flights with your guidance"
     said = [f"among {yours} in {listed(inside)}"] * bool(inside)
     said += [f"outside of {'them' if inside else yours} in {listed(outside)}"] * bool(outside)
-    return (
+    return [
         f"The log lies {listed(said)}, by the {100.0 * SHARE:g}th percentile of the size of each; "
         "it had another mission and other wind."
-    )
+    ]

@@ -523,6 +523,7 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     navigation: Knowledge | None = None,
     autopilot: str | Path | None = None,
     version: str | None = None,
+    log: str | None = None,
     flights: int | None = None,
     aircraft: str | None = None,
     like: str | None = None,
@@ -572,6 +573,9 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
         Planner (.param, .parm), or a log (.ulg, .bin, .tlog) with them.
     version : str, optional
         Version of the autopilot, such as 1.15, by default from the file.
+    log : str, optional
+        Show the tracking of a log that was flown with these parameters beside that of the flights;
+        LOG@START:END for a part of it in s.
     flights : int, optional
         Fresh draws on which the parameters of the file and those found are counted, by default 93.
     aircraft : str, optional
@@ -611,12 +615,12 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     fliers = Fliers(**by)
     check_at_least(1, budget=budget)
     of_flights = {"aircraft": aircraft, "like": like}
-    of_file = {"version": version, "flights": flights}
+    of_file = {"version": version, "log": log, "flights": flights}
     of_gains = {"also": also, "start": start, "campaign": campaign, "success": success}
     if autopilot is not None:
         _absent(of_gains | {"until_sure": until_sure}, "with the parameters of an autopilot")
         stated = flights_of_source(scenario, **of_flights, changes=changes).knowing(navigation)
-        counts = Counts(budget or BUDGET, flights)
+        counts = Counts(budget or BUDGET, flights, log)
         return retune(stated, Path(autopilot), version, counts, fliers)
     _absent(of_file | of_flights, "without the parameters of an autopilot")
     if not isinstance(scenario, Scenario | str | Path):

@@ -37,12 +37,17 @@ from flighttune.studies.beside import (
     CONFIDENCE,
     CUT,
     EPSILON,
+    KEPT,
     YOURS,
     accuracy_of,
     check_one_airspeed,
     guidance_margins,
     guided,
     inner_loop_of,
+    kept_signals,
+    logged_signals,
+    tracking_of,
+    within_flights,
 )
 
 TUNED = "tuned"
@@ -208,7 +213,11 @@ def fly(plan: Plan, laws: Mapping[str, Autopilot], draws: int, pool: WorkerPool)
     names = dict(zip(laws, both.groups, strict=False))
     both = replace(both, groups=both.groups[:-1])
     both = both.with_runs(draws * len(both.groups))
-    rows = list(pool.rows(both, range(both.runs), doing="searching", probes={"kept": numbers}))
+    rows = list(
+        pool.rows(
+            both, range(both.runs), doing="searching", probes={"kept": numbers, KEPT: kept_signals}
+        )
+    )
     frame = findings_of(pd.DataFrame(rows), both).rows
     frame["gains"] = frame["gains"].map({group.gains: name for name, group in names.items()})
     return frame
@@ -291,7 +300,10 @@ class Retuned(Answering):
     against : tuple of str
         Why the result is not written; empty if it is better.
     notes : tuple of str
-        Sentences on parameters that were not searched, and on the aircraft.
+        Sentences on parameters that were not searched, on the aircraft, and on the log.
+    tracking : list of dict
+        Signals of the log between minimum and maximum of the flights with the user's parameters,
+        as 95th percentiles of their sizes; empty without a log.
     """
 
     now: Flown
@@ -305,6 +317,7 @@ class Retuned(Answering):
     held_by: tuple[str, ...]
     against: tuple[str, ...]
     notes: tuple[str, ...]
+    tracking: list[dict[str, Any]]
 
     @property
     def changes(self) -> dict[str, float]:
@@ -364,10 +377,11 @@ class Retuned(Answering):
 
 
 class Counts(NamedTuple):
-    """Numbers of flights of a search: in total, and fresh draws of the count."""
+    """Numbers of flights of a search, and a log beside which those of the count stand."""
 
     budget: int = BUDGET
-    fresh: int | None = None
+    fresh: int | None = None  # draws of the count
+    log: str | None = None  # LOG@START:END for a part of it, s
 
 
 def retune(
@@ -381,8 +395,12 @@ def retune(
     check_one_airspeed(str(stated.place), plan.scenario)
     with_others = counted_flights.distribution_of(plan.campaign, plan.groups[0].plant)
     counted_flights.check_random(stated.place, with_others, plan.campaign.central)
+    logged, differ = logged_signals(counts.log, (), now, version) if counts.log else ([], [])
     with WorkerPool(fliers) as pool:
-        return _retuned(plan, now, file, counts, pool)
+        found = _retuned(plan, now, file, counts, pool)
+    tracking = tracking_of(logged, found.rows)
+    notes = (*found.notes, *differ, *within_flights(tracking))
+    return replace(found, tracking=tracking, notes=notes)
 
 
 def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPool) -> Retuned:
@@ -421,6 +439,7 @@ def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPoo
         held_by=(*_held_by(search, result, ranges),),
         against=(*_against(start, result, rows),),
         notes=(*notes, *now.notes),
+        tracking=[],
     )
 
 

@@ -15,7 +15,15 @@ import flighttune as ft
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
 from flighttune.logs.parameters import flown_now
-from flighttune.studies.beside import Beside, _kept, _tracking, _with_guidance, _within, loops
+from flighttune.studies.beside import (
+    KEPT,
+    Beside,
+    _with_guidance,
+    kept_signals,
+    loops,
+    tracking_of,
+    within_flights,
+)
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
@@ -154,15 +162,15 @@ def test_a_log_lies_between_the_flights_that_were_completed():
         {
             "gains": ["yours", "yours", "yours", "ours"],
             "status": ["completed", "completed", "diverged", "completed"],
-            "kept": flights,
+            KEPT: flights,
         }
     )
 
-    cross, roll = _tracking([2.0, math.nan, 12.5], rows)
+    cross, roll = tracking_of([2.0, math.nan, 12.5], rows)
 
     assert cross == {"of": "cross track", "log": 2.0, "low": 1.0, "high": 3.0, "unit": "m"}
     assert (roll["of"], roll["low"], roll["high"]) == ("commanded roll", 10.0, 12.0)
-    said = _within([cross, roll])
+    said = within_flights([cross, roll])
     assert "in cross track" in said
     assert "outside of" in said
 
@@ -171,7 +179,7 @@ def test_a_signal_is_kept_below_what_it_exceeds_in_a_twentieth_of_the_time():
     t = np.linspace(0.0, 1.0, 101)
     run = made_up_run({"cross_track": -4.0 * t, "phi_cmd": np.radians(30.0) * t}, t)
 
-    cross, height, roll = _kept(run, None)
+    cross, height, roll = kept_signals(run, None)
 
     assert (cross, roll) == pytest.approx((0.95 * 4.0, 0.95 * 30.0))
     assert math.isnan(height)

@@ -1,12 +1,14 @@
 """An autopilot's parameters searched by flights, and written only if they are better."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from commands import flighttune
+from log_files import sampled, write_dataflash
 from made_up import made_up_run
 
 import flighttune as ft
@@ -191,9 +193,14 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
 
 @pytest.mark.soak
 def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
-    slow, out = tmp_path / "slow.params", tmp_path / "tuned.params"
+    slow, out, log = (tmp_path / x for x in ("slow.params", "tuned.params", "flown.bin"))
     slow.write_text(PX4.format(80.0))
+    run = ft.fly("level_turn", gains=["paper"]).runs[0]
+    t, signals = sampled(run, noise=False, dropouts=False, late=False)
+    beside = {"cross_track": 0.0 * t + 50.0, "height_err": 0.0 * t}
+    write_dataflash(log, t, signals | beside)
     options = ["--with", slow, "--flights", 8, "--budget", 140, "--out", out, "--workers", 1]
+    options += ["--log", log]
     route = [
         f"--set=route.waypoint={[dict(x) for x in SHORT['route.waypoint']]}".replace("':", "'=")
     ]
@@ -206,3 +213,4 @@ def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
     old = [x for x in slow.read_text().splitlines() if not x.startswith("# ")]
     assert {a.split("\t")[2] for a, b in zip(old, kept, strict=True) if a != b} == changed
     assert "tuned better in" in said
+    assert re.search(r"The log lies [a-z ]*outside of [a-z ]*cross track", " ".join(said.split()))

@@ -59,6 +59,9 @@ NOT_RUN = {
         "|flighttune (identify|monitor) (monday.|flight.tlog)|flighttune verify m.npz --log"
         "|flighttune (new|fly|certify|export) from_log"
     ),
+    "minutes, with parameters of the reader's own: campaigns/test_retune.py": (
+        r"flighttune meet \S+ --with"
+    ),
     "of the flight of a page's Python": "flighttune report runs/mine",
 }
 """Commands that no test runs, by how they begin, and why, or which other test has them."""

@@ -2,7 +2,7 @@
 
 from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.answers.beside import margins_at
+from flighttune.outputs.answers.beside import TRACKING, margins_at
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CUT, YOURS
 from flighttune.studies.retune import TUNED, WEIGHTS, Candidate, Retuned
@@ -46,12 +46,14 @@ def answer(retuned: Retuned) -> Answer:
             "accuracy": accuracy,
             "lost": {YOURS: retuned.start.lost, TUNED: retuned.best.lost},
             "cost": {YOURS: retuned.start.cost, TUNED: retuned.best.cost},
+            "tracking": retuned.tracking,
             "flights": retuned.flights,
             "candidates": retuned.candidates,
         },
         tables=[
             Table(CHANGES, rows, f"parameters of {retuned.now.name}"),
             Table(ACCURACY, accuracy, "errors that 95 % of flights keep to"),
+            Table(TRACKING, retuned.tracking, "the log, and the flights with your parameters"),
         ],
         notes=[*retuned.notes, EMULATED, NOT_SEARCHED],
         failure="" if retuned.better else said,
