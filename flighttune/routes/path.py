@@ -463,6 +463,21 @@ def _corner(turn: float, ability: Ability) -> tuple[turns.Pieces, float]:
     return pieces, x - y / math.tan(turn)
 
 
+def laid_from(start: turns.Pose, pieces: Sequence[turns.Piece]) -> tuple[FloatArray, ...]:
+    """North and east (m), course (rad) and curvature (1/m) of points `STEP` apart on pieces."""
+    length = float(np.cumsum([piece.length for piece in pieces])[-1])
+    points = np.arange(math.ceil(length / STEP) * SUBSTEPS + 1, dtype=np.float64)
+    s: FloatArray = points * (STEP / SUBSTEPS)
+    changes, curvature = turns.bent(pieces, s)
+    courses = start.course + changes
+    north, east = (
+        np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
+        for rate in (np.cos(courses), np.sin(courses))
+    )
+    along = start.north + north, start.east + east, courses, curvature
+    return tuple(column[::SUBSTEPS] for column in along)
+
+
 def _path(layout: _Layout) -> Path:
     """The table of a path."""
     laid, waypoints, ability = layout.laid, layout.waypoints, layout.ability
@@ -470,20 +485,17 @@ def _path(layout: _Layout) -> Path:
     flat = [*(piece for stretch in laid for piece in stretch.pieces), beyond]
     counts = list(accumulate((len(stretch.pieces) for stretch in laid), initial=0))
     begins = np.cumsum([0.0, *(piece.length for piece in flat)])
-    s = np.arange(math.ceil(begins[-1] / STEP) * SUBSTEPS + 1) * (STEP / SUBSTEPS)
-    changes, curvature = turns.bent(flat, s)
-    courses, ends = layout.courses[0] + changes, begins[counts]
+    start = turns.Pose(waypoints[0].north, waypoints[0].east, layout.courses[0])
+    north, east, course, curvature = laid_from(start, flat)
+    ends = begins[counts]
     turned_at = layout.courses[0] + turns.bent(flat, ends)[0]
-    north, east = (
-        np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
-        for rate in (np.cos(courses), np.sin(courses))
-    )
     profile = _profile(layout, ends.tolist())
 
     def place(distance: float) -> str:
         return waypoints[laid[int(np.searchsorted(ends, distance)) - 1].waypoint - 1].name
 
-    height, slope = _heights(s[::SUBSTEPS], *profile, ability, place)
+    s: FloatArray = STEP * np.arange(len(north), dtype=np.float64)
+    height, slope = _heights(s, *profile, ability, place)
     climbs = np.diff(np.interp(ends, *profile)) / np.maximum(np.diff(ends), turns.NO_LENGTH)
     stretches = tuple(
         Stretch(
@@ -502,11 +514,11 @@ def _path(layout: _Layout) -> Path:
     )
     return Path(
         length=float(ends[-1]),
-        north=waypoints[0].north + north[::SUBSTEPS],
-        east=waypoints[0].east + east[::SUBSTEPS],
+        north=north,
+        east=east,
         up=height,
-        course=courses[::SUBSTEPS],
-        curvature=curvature[::SUBSTEPS],
+        course=course,
+        curvature=curvature,
         slope=slope,
         stretches=stretches,
     )

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from flighttune.base import quantities as q
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
+from flighttune.routes.ending_keys import RouteEndingTable
 from flighttune.routes.follow import RouteReference, airspeeds_along
 from flighttune.routes.maps import LatLon, north_east
 from flighttune.routes.path import Ability, Waypoint, plan
@@ -83,6 +84,7 @@ class RouteTable(q.Table):
     widen: bool = False  # true: circles that are too small get the smallest radius
     # Maximum distance of a turn-around from its leg; 0: no turn-around; no bound if left out
     turnaround_m: Annotated[q.Finite, Field(ge=0.0, le=1e5)] | None = None
+    ending: RouteEndingTable | None = None  # manoeuvre that ends the flight before the route does
     # Points for flights that abort the mission, for maps
     rally: Annotated[list[RallyTable], Field(default_factory=list, max_length=MAX_WAYPOINTS)]
     # Parts of the waypoints' file that are not flown
@@ -166,7 +168,7 @@ class RouteTable(q.Table):
             duration=flight.duration_s,
         )
         path = planned(self.waypoints(), ability)
-        return RouteReference(
+        whole = RouteReference(
             path=path,
             V_a=largest,
             g=flight.g_mps2,
@@ -174,6 +176,9 @@ class RouteTable(q.Table):
             holds_airspeed=bool(self.holds_airspeed),
             airspeeds=airspeeds_along(path, flight.V_a_mps, self.airspeeds, flight.g_mps2),
         )
+        if self.ending is None:
+            return whole
+        return self.ending.followed(whole, ability, flight.h_m - flight.ground_m)
 
 
 # The flights of a campaign fly the same path.

@@ -42,9 +42,10 @@ class Fault(q.Table):
     aileron_stuck_deg: StuckAngle | None = None
     elevator_stuck_deg: StuckAngle | None = None
     rudder_stuck_deg: StuckAngle | None = None
-    # Time after `from_s` at which the flight is ended: throttle closed, elevator up, and the other
-    # surfaces at a stop; a stuck surface stays where it is
-    ended_after_s: q.Instant | None = None
+    # Time of the flight at which it is ended: throttle closed and, with `cut`, elevator up and the
+    # other surfaces at a stop; a stuck surface stays where it is
+    ended_s: q.Instant | None = None
+    ended_by: Literal["cut", "thrust"] = "cut"  # thrust: the surfaces stay under control
 
     @property
     def stuck(self) -> dict[str, float]:

@@ -287,11 +287,12 @@ def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -
         values["V_a-bias"] = 0.0
         largest = _only(root, ".//fcs_function[@name='ft/V_a-mps']/function/max")
         largest[0] = node("sum", node("property", f"{FAULT}V_a-bias"), largest[0])
-    ended = fault.ended_after_s is not None
+    ended = fault.ended_s is not None
     if "throttle" in fault.factors or ended:
         values.setdefault("throttle", 1.0)
         _loosen_throttle(channel)
-    moved = [name for name, _ in config.surfaces.named()] if ended else []
+    cut = ended and fault.ended_by == "cut"
+    moved = [name for name, _ in config.surfaces.named()] if cut else []
     for name in dict.fromkeys([*fault.stuck, *moved]):
         surface = getattr(config.surfaces, name)
         if surface is None:

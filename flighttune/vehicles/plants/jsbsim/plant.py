@@ -249,13 +249,12 @@ class JSBSimPlant:
         return [*self._later, *failing, *self._ending(fault)]
 
     def _ending(self, fault: Fault) -> list[tuple[float, str, float]]:
-        """Changes that end a flight: throttle closed, surfaces at their stops."""
-        if fault.ended_after_s is None:
+        """Changes that end a flight: throttle closed and, after a cut, surfaces at their stops."""
+        if (at := fault.ended_s) is None:
             return []
-        at = fault.from_s + fault.ended_after_s
         stops = [(f"{FAULT}throttle", 0.0)]
-        for name, surface in self.config.surfaces.named():
-            if name not in fault.stuck:
+        for name, surface in self.config.surfaces.named() if fault.ended_by == "cut" else ():
+            if name not in fault.stuck or at < fault.from_s:
                 stop = surface.travel[0 if name == "elevator" else 1]  # elevator: nose up
                 stops += [(f"{FAULT}{name}-{end}", stop) for end in ("min", "max")]
         return [(at, name, value) for name, value in stops]
