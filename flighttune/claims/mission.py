@@ -13,7 +13,7 @@ import numpy as np
 from flighttune.base.answering import Answering
 from flighttune.base.errors import InfeasibleError, InputError, naming, printable
 from flighttune.base.files import code
-from flighttune.base.files.load import BAND, kind_of
+from flighttune.base.files.load import BAND, kind_of, load_one
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
@@ -25,7 +25,9 @@ from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
 from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
-from flighttune.claims.per_hour import PerHour, Volume, check_rates, count_per_hour
+from flighttune.claims.hourly_flights import check_rates
+from flighttune.claims.leaving import Alarms, Volume
+from flighttune.claims.per_hour import PerHour, count_per_hour
 from flighttune.claims.rates_keys import RatesTable, load_rates
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.unfinished import Unfinished
@@ -48,6 +50,9 @@ OUTSIDE = 2
 # Trial factors, in this order, on the airspeed and the wind for planned turns, with which flights
 # that ended early are repeated.
 FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
+
+# Words for the file of a monitor on board.
+A_MONITOR = "monitor counted on flights of the aircraft (flighttune monitor MISSION)"
 
 # Epsilon and confidence of a claim.
 Odds: TypeAlias = tuple[float, float]
@@ -268,6 +273,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     turning = None if turn_back is None else counted_flights.turning_back(flown.plan, turn_back)
     areas, fence = _asked_fence(fences, flown.fences, alone=until_sure, turns=turning is not None)
     declared = _declared(rates, flown.plan, volume=bool(areas) or turning is not None)
+    alarms = None if declared is None else _alarms(rates, declared, flown.plan)
     hourly = CONFIDENCE if confidence is None else confidence
     claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
     claim = flown.claim(epsilon, confidence, claims)
@@ -291,8 +297,11 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             odds = odds.with_room(_counted_room(turning, flown.place, claim, fliers))
         if declared is not None:
             volume = _operational_volume(odds, areas, fence)
-            counted = count_per_hour(flown.plan, declared, volume, confidence=hourly, fliers=fliers)
-            odds = odds.with_rate(counted)
+            odds = odds.with_rate(
+                count_per_hour(
+                    flown.plan, declared, volume, alarms=alarms, confidence=hourly, fliers=fliers
+                )
+            )
         return odds
 
 
@@ -311,6 +320,28 @@ def _declared(
                 "volume, got no volume to stay in."
             )
     return table
+
+
+def _alarms(
+    rates: RatesTable | str | Path | None, declared: RatesTable, plan: Plan
+) -> Alarms | None:
+    """The monitor of declared rates, beside their file; InputError if it is of other flights."""
+    if declared.ending.monitor is None:
+        return None
+    folder = Path(rates).parent if isinstance(rates, str | Path) else Path()
+    file = folder / declared.ending.monitor
+    monitor, (group,) = load_one(file, A_MONITOR, BAND), plan.groups
+    with naming(file):
+        if (watch := getattr(monitor, "watch", None)) is None:
+            raise InputError(f"`monitor` must be a {A_MONITOR}.")
+        flown = monitor.flights
+        otherwise = flown.flown_otherwise(*group, plan.gain_sets[group.gains])
+        if otherwise or flown.aircraft != plan.aircraft:
+            raise InputError(
+                "`monitor` must be of the aircraft, law and gains of the mission: "
+                f"{otherwise or 'the files of its aircraft are others'}."
+            )
+    return Alarms.of(watch)
 
 
 def _operational_volume(odds: MissionOdds, areas: dict[str, Any], fence: Path) -> Volume:

@@ -8,9 +8,22 @@ from pydantic import AfterValidator, Field, model_validator
 
 from flighttune.base import quantities as q
 from flighttune.base.files.table import toml_tables, validated
+from flighttune.routes.ending_keys import Manoeuvre
+from flighttune.vehicles.aircraft.aircraft import SURFACES
 
 # Default numbers of flights: without a fault, and with each fault.
 HEALTHY, FAULTY = 1000, 300
+
+
+HowEnded: TypeAlias = Literal["cut", "parachute", "turn_back", "circle", "glide"]
+
+# Endings after which a flight comes down, and manoeuvres of the others and of the glide.
+DOWN = ("cut", "parachute", "glide")
+MANOEUVRES: Mapping[HowEnded, Manoeuvre] = {
+    "turn_back": "turn_back",
+    "circle": "circle",
+    "glide": "straight",
+}
 
 
 class Kind(NamedTuple):
@@ -34,10 +47,16 @@ KINDS: Mapping[str, Kind] = {
     "receiver_lost": Kind("drift_mps", "drift_mps", receiver=True),
     "link_lost": Kind(),
 }
+FLOATING = tuple(f"{name}_floating" for name in SURFACES)
 RANGES = tuple(dict.fromkeys(kind.range_key for kind in KINDS.values() if kind.range_key))
 
 
 def _kind(name: str) -> str:
+    if name in FLOATING:
+        raise ValueError(
+            f"must be a fault that a model has: no aircraft here has the hinge moments with which "
+            f"a surface floats; declare {name.replace('floating', 'stuck')}"
+        )
     if name not in KINDS:
         raise ValueError(f"must be one of {', '.join(KINDS)}")
     return name
@@ -59,9 +78,10 @@ class FaultRateTable(q.Table):
     bias_mps: Range | None = None  # measured minus true airspeed
     jump_m: Range | None = None  # jump of the position, in any direction
     drift_mps: Range | None = None  # growth of the error of position without a receiver
-    # Times since the fault; without `ended_s` the autopilot flies on
+    # Times since the fault; without `ended_s` the autopilot flies the route on
     detected_s: q.Instant | None = None
     ended_s: q.Instant | None = None
+    ending: HowEnded | None = None  # if left out, that of [ending]
     flights: Number = FAULTY
 
     @property
@@ -86,24 +106,24 @@ class FaultRateTable(q.Table):
 
 
 class EndingTable(q.Table):
-    """``[ending]``: how a flight is ended."""
+    """``[ending]``: how a flight is ended, and by which alarms."""
 
-    # cut: thrust off and full surfaces; parachute: drifts with the wind
-    kind: Literal["cut", "parachute"] = "cut"
-    # Horizontal distance per height that the applicant declares for the fall after a cut
+    # cut: thrust off and full surfaces; parachute: drifts with the wind; turn_back and circle: as
+    # tight as the turns of the route; glide: thrust off, straight on under control
+    kind: HowEnded = "cut"
+    # Horizontal distance per height that the applicant declares for a fall, after a cut or where
+    # the model no longer holds
     fall_per_height: Annotated[q.NotNegative, Field(le=100.0)] | None = None
     sink_mps: Annotated[q.Positive, Field(le=100.0)] | None = None  # of the parachute
     opens_s: Annotated[q.NotNegative, Field(le=60.0)] | None = None  # flown on until it is open
+    # File of a monitor (.npz) on board: its first alarm ends a flight, true or false
+    monitor: Annotated[str, Field(min_length=1)] | None = None
+    after_alarm_s: Annotated[q.Instant, Field(le=600.0)] = 0.0  # from the alarm to the ending
 
     @model_validator(mode="after")
-    def _keys_of_the_kind(self) -> Self:
-        if self.kind == "cut":
-            self.must_lack("without a parachute", "sink_mps", "opens_s")
-            return self
-        self.must_lack("with a parachute", "fall_per_height")
-        for key in ("sink_mps", "opens_s"):
-            if getattr(self, key) is None:
-                raise ValueError(f"`{key}` must be given for a parachute")
+    def _with_a_monitor(self) -> Self:
+        if self.monitor is None:
+            self.must_lack("without a `monitor`", "after_alarm_s")
         return self
 
 
@@ -121,6 +141,35 @@ class RatesTable(q.Table):
         if again := next((kind for kind in kinds if kinds.count(kind) > 1), ""):
             raise ValueError(f"`fault` must have each kind once, got {again} again")
         return self
+
+    @model_validator(mode="after")
+    def _of_its_endings(self) -> Self:
+        table = self.ending
+        endings = {table.kind, *(fault.ending for fault in self.fault if fault.ending)}
+        for key in ("sink_mps", "opens_s"):
+            if "parachute" not in endings:
+                table.must_lack("without a parachute", key)
+            elif getattr(table, key) is None:
+                raise ValueError(f"`{key}` of [ending] must be given for a parachute")
+        if endings == {"parachute"}:
+            table.must_lack("with a parachute", "fall_per_height")
+        for fault in self.fault if table.monitor is None else ():
+            if fault.ended_s is None:
+                fault.must_lack("without `ended_s` and without a monitor", "ending")
+        return self
+
+    def name_of(self, fault: int | None, ended_s: float | None) -> str:
+        """The flights with a fault, or without one, and how they are ended, in words."""
+        name = "healthy flight" if fault is None else self.fault[fault].kind.replace("_", " ")
+        after = [] if ended_s is None else [f"after {ended_s:g} s"]
+        alarm = [] if self.ending.monitor is None else ["at an alarm"]
+        when = " or ".join([*after, *alarm])
+        return f"{name}, {self.ending_of(fault).replace('_', ' ')} {when}" if when else name
+
+    def ending_of(self, fault: int | None) -> HowEnded:
+        """How a flight with a fault, or without one, is ended."""
+        own = None if fault is None else self.fault[fault].ending
+        return own or self.ending.kind
 
 
 def load_rates(path: str | Path) -> RatesTable:

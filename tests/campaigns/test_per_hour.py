@@ -91,6 +91,20 @@ def test_every_count_for_a_later_ending_costs_confidence():
     assert few.total < more.total
 
 
+def test_the_mean_duration_is_bounded_by_an_order_statistic():
+    rng, missed = np.random.default_rng(6), 0
+    for _ in range(CASES):
+        # One flight in 30 ends early, all others last 0.9 to 1 h.
+        durations = np.where(rng.random(200) < 1 / 30, 0.01, rng.uniform(0.9, 1.0, 200))
+        ordered = 3600.0 * np.sort(durations)
+        exposure = Exposure(
+            shortest_s=ordered[10], window_s=ordered[-1], cap_s=3600.0, flights=200, shorter=10
+        )
+        missed += exposure.hours(CONFIDENCE) > 0.01 / 30 + 0.95 * 29 / 30
+    assert exposure.hours(CONFIDENCE) > 0.7  # the shortest alone would allow 0.01 h
+    assert missed / CASES <= MOST_MISSED
+
+
 def test_durations_must_be_in_order():
     exposure = Exposure(shortest_s=2000.0, window_s=1900.0, cap_s=3600.0, flights=500)
     with pytest.raises(InputError, match=r"`shortest_s` must be positive and at most 1900 s"):

@@ -9,9 +9,14 @@ import pytest
 import flighttune as ft
 from flighttune.base.errors import InputError, ScenarioError
 from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
-from flighttune.claims.per_hour import PerHour, Volume, check_rates, count_per_hour, load_per_hour
+from flighttune.claims.hourly_flights import Ends, check_rates
+from flighttune.claims.leaving import Alarms, Volume
+from flighttune.claims.per_hour import PerHour, count_per_hour, load_per_hour
 from flighttune.claims.rates_keys import RatesTable, load_rates
+from flighttune.gaps.watch import SignalModel
 
 FAULT = 'kind = "engine"\nper_hour = 1e-3\nsource = "a log"\n'
 STUCK = 'kind = "rudder_stuck"\nper_hour = 1e-3\nsource = "a log"\n'
@@ -31,6 +36,21 @@ SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
         (FAULT + "detected_s = 3.0\nended_s = 2.0\n", r"`ended_s` must be at least `detected_s`"),
         (FAULT + "detected_s = 3.0\n", r"`ended_s` must be given beside `detected_s`"),
         (FAULT.replace("engine", "receiver_jump"), r"`jump_m` must be given for the fault"),
+        (
+            FAULT.replace("engine", "aileron_floating"),
+            r"hinge moments.*; declare aileron_stuck, got",
+        ),
+        (FAULT + 'ending = "circle"\n', r"`ending` must be absent without `ended_s` and without"),
+        (
+            FAULT + 'ended_s = 2.0\nending = "land"\n',
+            r"`ending` must be 'cut', 'parachute', 'turn_back'",
+        ),
+        (FAULT + "[ending]\nafter_alarm_s = 2.0\n", r"`after_alarm_s` must be absent without a"),
+        (FAULT + "[ending]\nsink_mps = 5.0\n", r"`sink_mps` must be absent without a parachute"),
+        (
+            FAULT + 'ended_s = 2.0\nending = "parachute"\n[ending]\nsink_mps = 5.0\n',
+            r"`opens_s` of \[ending\] must be given for a parachute",
+        ),
     ],
 )
 def test_a_bad_fault_is_refused_in_one_line(tmp_path, fault, line):
@@ -45,6 +65,16 @@ def test_a_bad_fault_is_refused_in_one_line(tmp_path, fault, line):
 def rates(**fault):
     stated = {"kind": "engine", "per_hour": 0.1, "source": "a log", "flights": 6, **fault}
     return RatesTable.model_validate({"flights": 8, "fault": [stated]})
+
+
+@pytest.mark.parametrize(
+    ("own", "words"), [({}, "glide after 5 s"), ({"ending": "turn_back"}, "turn back after 5 s")]
+)
+def test_a_fault_names_what_is_flown_then(own, words):
+    stated = rates(ended_s=5.0, **own).model_dump(exclude_none=True)
+    table = RatesTable.model_validate({**stated, "ending": {"kind": "glide"}})
+    assert table.name_of(0, 5.0) == f"engine, {words}"
+    assert table.name_of(None, None) == "healthy flight"
 
 
 def short_plan():
@@ -62,6 +92,12 @@ def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
 def test_a_surface_cannot_be_stuck_beyond_its_travel():
     with pytest.raises(InputError, match=r"`stuck_deg` of aileron_stuck must lie in the travel"):
         check_rates(short_plan(), rates(kind="aileron_stuck", stuck_deg=[0.0, 40.0]))
+
+
+def test_a_law_that_does_not_hold_the_airspeed_cannot_glide():
+    table = RatesTable.model_validate({**rates().model_dump(), "ending": {"kind": "glide"}})
+    with pytest.raises(InputError, match="`speed_priority` must be true"):
+        check_rates(short_plan(), table)
 
 
 def box(half):
@@ -109,7 +145,54 @@ def test_flights_fewer_than_stated_are_refused(tmp_path):
     claim |= {"format": PerHour.FORMAT, "units": dict(PerHour.UNITS), "confidence": 0.9}
     claim |= {"rates": rates().model_dump(mode="json", exclude_none=True), "plan": {}, "later": []}
     claim |= {"volume": {"rings": [], "outside": [], "low": None, "high": None}}
-    claim["terms"] = [{"fault": None, "ended_s": None, "left_s": [-1.0], "end_s": [9.0]}]
+    term = {"fault": None, "ended_s": None, "left_s": [-1.0], "end_s": [9.0], "ended_at_s": [-1.0]}
+    claim["terms"] = [term]
     file.write_text(json.dumps(claim))
     with pytest.raises(ScenarioError, match="`terms` must be the flights that `rates` states"):
         load_per_hour(file)
+
+
+def ends(how, alarms=None, **fault):
+    stated = rates(kind="link_lost", **fault).model_dump(exclude_none=True)
+    table = RatesTable.model_validate({**stated, "ending": {"kind": how, "fall_per_height": 0.0}})
+    return Ends(plan=short_plan(), rates=table, volume=box(1e4), alarms=alarms)
+
+
+@pytest.mark.slow
+def test_a_flight_that_turns_back_is_the_same_to_the_bit_until_it_is_ended():
+    flights = ends("turn_back", ended_s=2.0).term(0, 2.0, 6.0)
+    with WorkerPool(Fliers(workers=1)) as pool:
+        (flown,) = flights.flown(pool, [0], "counting")
+    drawn = flights.plan.values_of(0)
+    assert flown.ended_s == drawn["plant.airframe.fault.from_s"] + 2.0
+    on, back = (
+        ft.fly(scenario_of_run(flights.plan, 0, {**drawn, **ending})).runs[0]
+        for ending in ({}, {"route.ending.at_m": flown.at_m})
+    )
+    before = on.t <= flown.ended_s
+    assert back.signals[: before.sum()].equals(on.signals[before])
+    # It rolls in at once, and flies back southward beside its route to the north.
+    assert back.signals["phi"].loc[flown.ended_s : flown.ended_s + 2.0].abs().max() > 0.1
+    assert np.cos(back.signals["chi"].iloc[-1]) == pytest.approx(-1.0, abs=0.05)
+    assert flown.end_s == back.t[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["cut", "circle"])
+def test_the_first_alarm_of_a_monitor_ends_any_flight(how):
+    # A made-up monitor that expects an airspeed of 25 m/s to a thousandth: it alarms soon.
+    model = SignalModel(name="airspeed", target="V_a", terms=("1",), weights=(25.0,))
+    alarms = Alarms(models=(model,), middle=(0.0,), half=(1e-3,))
+    healthy = ends(how, alarms).term(None, None, 0.0)
+    with WorkerPool(Fliers(workers=1)) as pool:
+        (flown,) = healthy.flown(pool, [0], "counting")
+    assert 0.0 <= flown.ended_s < 2.0
+    # After a cut the aircraft leaves its envelope within seconds; two circles take longer.
+    assert flown.end_s < 10.0 if how == "cut" else flown.end_s > 20.0
+
+
+def test_a_monitor_is_a_file_of_flights_of_the_aircraft(tmp_path):
+    file = tmp_path / "rates.toml"
+    file.write_text(f'[ending]\nmonitor = "none.npz"\n[[fault]]\n{FAULT}')
+    with pytest.raises(InputError, match=r"none\.npz"):
+        ft.mission("circuit_in_wind", changes=SHORT, turn_back=30.0, rates=file)

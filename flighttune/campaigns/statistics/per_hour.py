@@ -26,17 +26,19 @@ class Count:
 class Exposure:
     """Duration of flights, counted on flights without a fault."""
 
-    shortest_s: float  # shortest duration of the counted flights
+    shortest_s: float  # shortest duration of the counted flights, apart from `shorter`
     window_s: float  # longest duration of the counted flights: faults are drawn from this time
     cap_s: float  # time at which every flight ends
     flights: int
+    shorter: int = 0  # number, fixed beforehand, of flights that may be shorter than `shortest_s`
 
     def hours(self, confidence: float) -> float:
-        """Lower bound of the mean duration, h: few flights are shorter than the shortest."""
-        return (1.0 - self.odd(confidence)) * self.shortest_s / SECONDS
+        """Lower bound of the mean duration, h: few flights are shorter than `shortest_s`."""
+        short = supported_epsilon(self.shorter, self.flights, confidence)
+        return (1.0 - short) * self.shortest_s / SECONDS
 
     def odd(self, confidence: float) -> float:
-        """Upper bound of the share of flights shorter, or longer, than all counted ones."""
+        """Upper bound of the share of flights longer than all counted ones."""
         return supported_epsilon(0, self.flights, confidence)
 
 

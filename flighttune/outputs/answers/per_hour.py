@@ -3,12 +3,13 @@
 from typing import Any
 
 from flighttune.base.words import at_most, listed
-from flighttune.claims.per_hour import PerHour, healthy_flights_for
+from flighttune.claims.per_hour import LATER_S, PerHour, healthy_flights_for
 from flighttune.outputs.answers.answer import Answer, Column, Table
 
 COLUMNS = (
     Column("term", "term"),
     Column("per_hour", "declared per hour", "1/h"),
+    Column("ended", "ended", digits=".0f"),
     Column("outside", "left", digits=".0f"),
     Column("flights", "of flights", digits=".0f"),
     Column("share", "share at most"),
@@ -21,6 +22,18 @@ LATER_COLUMNS = (
     Column("flights", "of flights", digits=".0f"),
     Column("total", "exits at most in all", "1/h"),
 )
+
+# What an ended flight does, in a sentence.
+ENDINGS = {
+    "cut": "A cut closes the throttle and moves the surfaces to their stops.",
+    "parachute": "A parachute ends a flight where it is, and drifts with the wind there.",
+    "turn_back": (
+        "A flight that turns back makes half a turn to a side that is drawn, as tight as the turns "
+        "of the route, and flies straight for 8 s."
+    ),
+    "circle": "A flight that circles makes two circles, as tight as the turns of the route.",
+    "glide": "A flight that glides closes the throttle and goes straight on to the ground.",
+}
 
 
 def answer(hourly: PerHour) -> Answer:
@@ -48,6 +61,8 @@ def summary(hourly: PerHour) -> list[str]:
         for fault, x in zip(faults, bound.faults, strict=True)
     ]
     begin = "" if target is None else "Yes: " if hourly.met else "No: "
+    if begin == "No: " and hourly.too_few:
+        begin = "Not shown yet: "
     aim = "" if target is None else f"; the target is {target:g}"
     lines = [
         f"{begin}{'A' if not begin else 'a'}t most {total} flights per flight hour leave the "
@@ -66,12 +81,11 @@ def latest(hourly: PerHour) -> list[str]:
         first = hourly.later[0].ended_s
         return [f"The target does not hold even if a flight is ended {first:g} s after the fault."]
     kind, ended_s = held
-    return [f"The target holds if a flight is ended within {ended_s:g} s of {_named(kind)}."]
-
-
-def _named(kind: str) -> str:
-    words = kind.replace("_", " ")
-    return f"the fault {words}"
+    more = "" if ended_s < LATER_S[-1] else ", the latest time that was flown"
+    return [
+        f"The target holds if a flight is ended within {ended_s:g} s of the fault "
+        f"{kind.replace('_', ' ')}{more}."
+    ]
 
 
 def matters_most(hourly: PerHour) -> str:
@@ -89,13 +103,14 @@ def matters_most(hourly: PerHour) -> str:
             "What matters most is the number of healthy flights: none of "
             f"{healthy.flights} left the volume; {more}{half}."
         )
-    fault, count = hourly.table.fault[i], hourly.terms[i + 1].count
-    what = f"{fault.kind.replace('_', ' ')}, {count.outside} of {count.flights} flights left"
+    term = hourly.terms[i + 1]
+    count, what = term.count, hourly.table.name_of(i, term.ended_s)
+    what = f"What matters most is {what}: {count.outside} of {count.flights} flights left"
     if not count.outside:
-        return f"What matters most is {what}: more `flights` would lower its bound."
-    if fault.ended_s is None:
-        return f"What matters most is {what}: its flights are not ended (`ended_s`)."
-    return f"What matters most is {what}, ended after {fault.ended_s:g} s."
+        return f"{what}; more `flights` would lower its bound."
+    if not term.ended:
+        return f"{what}, none was ended (`ended_s`)."
+    return f"{what}, {term.ended} were ended."
 
 
 def tables(hourly: PerHour) -> list[Table]:
@@ -110,9 +125,11 @@ def tables(hourly: PerHour) -> list[Table]:
 def rows(hourly: PerHour) -> list[dict[str, Any]]:
     """A record of each term."""
     bound, healthy = hourly.bound, hourly.terms[0].count
+    table, terms = hourly.table, hourly.terms
     first = {
-        "term": "healthy flight",
+        "term": table.name_of(None, None),
         "per_hour": None,
+        "ended": terms[0].ended,
         "outside": healthy.outside,
         "flights": healthy.flights,
         "share": healthy.share(bound.each),
@@ -121,17 +138,18 @@ def rows(hourly: PerHour) -> list[dict[str, Any]]:
     }
     of_faults = [
         {
-            "term": fault.kind.replace("_", " "),
+            "term": table.name_of(term.fault, term.ended_s),
             "per_hour": fault.per_hour,
+            "ended": term.ended,
             "outside": term.count.outside,
             "flights": term.count.flights,
             "share": term.count.share(bound.each),
             "bound": x,
             "source": fault.source,
         }
-        for fault, term, x in zip(hourly.table.fault, hourly.terms[1:], bound.faults, strict=True)
+        for fault, term, x in zip(table.fault, terms[1:], bound.faults, strict=True)
     ]
-    several = dict.fromkeys(("per_hour", "outside", "flights", "share"))
+    several = dict.fromkeys(("per_hour", "ended", "outside", "flights", "share"))
     return [
         first,
         *of_faults,
@@ -172,13 +190,15 @@ def notes(hourly: PerHour) -> list[str]:
     """What is declared, what is counted, and what is not in it."""
     exposure, kinds = hourly.exposure, [x.kind.replace("_", " ") for x in hourly.table.fault]
     hours = exposure.hours(hourly.bound.each)
+    endings = [hourly.table.ending_of(x.fault) for x in hourly.terms if x.ended]
     return [
         f"The rates of {listed(kinds)} are declared by the applicant; the shares are counted. Each "
         f"fault begins at a time drawn from {exposure.window_s:g} s, and a flight lasts "
         f"{hours:.3g} h or more on average.",
+        *(ENDINGS[ending] for ending in dict.fromkeys(endings)),
         "A flight leaves by a side or the top of the volume, or by the floor of a fence before it "
-        "is ended. A flight whose model no longer holds counts as outside, unless it was ended and "
-        "falls to the ground inside as declared.",
+        "comes down. A flight whose model no longer holds counts as outside, unless it was ended "
+        "and falls to the ground inside as declared.",
         "Faults of other kinds, in wind or air beyond what is drawn, errors of the crew, other "
         "traffic, and injuries on the ground are not in it.",
     ]

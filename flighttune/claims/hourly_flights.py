@@ -1,0 +1,238 @@
+"""The flights of a claim per flight hour: their plans, and how they are flown until they end."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flighttune.base.errors import InputError
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.campaigns.planning.schema import Choice, Uniform
+from flighttune.claims.counted_flights import rebuilt
+from flighttune.claims.leaving import NEVER, Alarms, Leaving, Left, Volume
+from flighttune.claims.rates_keys import MANOEUVRES, FaultRateTable, HowEnded, RatesTable
+from flighttune.flight.route import planned_route
+from flighttune.flight.scenario.load import scenario_from
+
+# Keys of a drawn fault, and of the ending of one flight.
+OF_AIRFRAME, OF_RECEIVER = "plant.airframe.fault.from_s", "navigation.fault.from_s"
+ENDED_S, ENDED_AT_M = "plant.airframe.fault.ended_s", "route.ending.at_m"
+
+# Time of ending that no flight reaches, s.
+NOT_ENDED_S = 1e6
+
+# Longest flight, relative to its time in still air: the bound has this time for flights that last
+# longer than all that were counted.
+LONGEST = 3.0
+
+# Time allowed for the manoeuvre of an ending, relative to that in still air.
+MANOEUVRE = 2.0
+
+
+def hourly_plan(plan: Plan) -> Plan:
+    """The flights without a fault, which end after a multiple of their time in still air."""
+    tables = plan.scenario.as_dict()
+    longest = math.ceil(LONGEST * planned_route(plan.campaign.central).time)
+    tables["flight"]["duration_s"] = min(float(longest), tables["flight"]["duration_s"])
+    # Other draws than those that the volume may follow from.
+    campaign = plan.campaign.model_copy(update={"seed": plan.campaign.seed + 1})
+    nominal = scenario_from(tables)
+    return replace(plan, campaign=rebuilt(campaign, campaign.disperse, nominal))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ends:
+    """Which flights of a claim are ended, when and how, and the volume that they may leave."""
+
+    plan: Plan  # of the flights without a fault
+    rates: RatesTable
+    volume: Volume
+    alarms: Alarms | None
+
+    def term(self, fault: int | None, after_s: float | None, window_s: float) -> "TermFlights":
+        """The flights of a term, ended a time after the fault."""
+        how = self.rates.ending_of(fault)
+        ends = after_s is not None or self.alarms is not None
+        (group,) = self.plan.groups
+        return TermFlights(
+            plan=_plan_of(self, fault, how if ends else None, window_s),
+            leaving=Leaving(
+                volume=self.volume,
+                ending=self.rates.ending,
+                how=how,
+                after_s=after_s,
+                alarms=self.alarms,
+                lead_s=max(self.plan.entry(group).lead),
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TermFlights:
+    """The flights of one term."""
+
+    plan: Plan
+    leaving: Leaving
+
+    def flown(self, pool: WorkerPool, runs: Sequence[int], doing: str) -> list[Left]:
+        """What some runs did, each flown until it is ended and then as it ends."""
+        plan = self.plan.with_runs(max(runs) + 1)
+        values = [plan.values_of(run) for run in range(plan.runs)]
+        if self._known_before:
+            after = self.leaving.after_s
+            assert after is not None  # no alarm ends these flights
+            from_s = OF_RECEIVER if OF_RECEIVER in plan.keys else OF_AIRFRAME
+            values = [{**x, ENDED_S: x[from_s] + after} for x in values]
+        first = self._rows(pool, plan, runs, values, doing)
+        again = [] if self._known_before else self._to_end(runs, first)
+        if not again:
+            return first
+        flown = dict(zip(runs, first, strict=True))
+        for run in again:
+            values[run] |= self._ending(flown[run])
+        ended = self._rows(pool, plan, again, values, f"{doing}: their ends")
+        return [*(flown | dict(zip(again, ended, strict=True))).values()]
+
+    @property
+    def _known_before(self) -> bool:
+        """Whether the time of ending follows from the draw, and nothing else does."""
+        leaving = self.leaving
+        return leaving.how == "cut" and leaving.alarms is None and leaving.after_s is not None
+
+    def _to_end(self, runs: Sequence[int], first: Sequence[Left]) -> list[int]:
+        """Runs to fly again as they end: inside when they are ended."""
+        if self.leaving.how == "parachute":
+            return []  # its descent follows from the state
+        return [
+            run
+            for run, x in zip(runs, first, strict=True)
+            if x.ended_s != NEVER and not NEVER < x.left_s < x.ended_s
+        ]
+
+    def _ending(self, flown: Left) -> dict[str, float]:
+        """The values of a flight that is ended as it was found to be."""
+        values = {}
+        if self.leaving.how in ("cut", "glide"):
+            values[ENDED_S] = flown.ended_s
+        if self.leaving.how in MANOEUVRES:
+            values[ENDED_AT_M] = flown.at_m
+        return values
+
+    def _rows(
+        self,
+        pool: WorkerPool,
+        plan: Plan,
+        runs: Sequence[int],
+        values: list[dict[str, Any]],
+        doing: str,
+    ) -> list[Left]:
+        """What runs did; a flight without samples left at its start."""
+        probes = {"left": self.leaving}
+        rows = pool.in_order(plan, runs, doing=doing, probes=probes, draws=values)
+        return [Left(*row.get("left", (0.0, 0.0, NEVER, NEVER))) for row in rows]
+
+
+def _plan_of(ends: Ends, fault: int | None, how: HowEnded | None, window_s: float) -> Plan:
+    """Flights with a fault at a time uniform over a window, which can end as they are to."""
+    plan, rates = ends.plan, ends.rates
+    if fault is None and how is None:
+        return plan
+    tables, drawn = plan.scenario.as_dict(), list(plan.campaign.disperse)
+    in_air: dict[str, Any] = {}  # [plant.airframe.fault]
+    if fault is not None:
+        kind, sizes = rates.fault[fault].of_kind, _range_of(plan, rates.fault[fault])
+        own: dict[str, Any] = {"from_s": 0.0}
+        if kind.key:
+            own[kind.key] = kind.fixed if sizes is None else sizes[0]
+        if kind.receiver:
+            tables["navigation"] = {**(tables.get("navigation") or {}), "fault": own}
+            drawn.append(Uniform(key="navigation.fault.course_deg", lower=-180.0, upper=180.0))
+        else:
+            in_air = own
+        from_s = OF_RECEIVER if kind.receiver else OF_AIRFRAME
+        drawn.append(Uniform(key=from_s, lower=0.0, upper=window_s))
+        if sizes is not None:
+            key = from_s.replace("from_s", kind.key)
+            drawn.append(Uniform(key=key, lower=sizes[0], upper=sizes[1]))
+    if how in ("cut", "glide"):
+        by = "cut" if how == "cut" else "thrust"
+        in_air = {"from_s": 0.0, **in_air, "ended_s": NOT_ENDED_S, "ended_by": by}
+        drawn.append(Choice(key=ENDED_S, values=[NOT_ENDED_S]))
+    for plant in tables["plant"]:
+        if in_air and plant["kind"] == "jsbsim":
+            plant["airframe"] = {**(plant.get("airframe") or {}), "fault": in_air}
+    if how is not None and how in MANOEUVRES:
+        tables["route"]["ending"] = {"kind": MANOEUVRES[how]}
+        tables["flight"]["duration_s"] += _longest(plan, tables)
+        drawn.append(Choice(key="route.ending.side", values=[-1, 1]))
+    seed = plan.campaign.seed + (0 if fault is None else 1 + fault)
+    campaign = plan.campaign.model_copy(update={"success": [], "seed": seed})
+    return replace(plan, campaign=rebuilt(campaign, drawn, scenario_from(tables)))
+
+
+def _longest(plan: Plan, tables: dict[str, Any]) -> float:
+    """Time for the manoeuvre that ends a flight, s: it is longest from the highest place."""
+    path = planned_route(plan.campaign.central).reference.path
+    at_m = float(path.s[path.up[path.s <= path.length].argmax()])
+    ending = {**tables["route"]["ending"], "at_m": at_m}
+    ended = scenario_from({**tables, "route": {**tables["route"], "ending": ending}})
+    length = planned_route(ended).reference.path.length - at_m
+    return MANOEUVRE * math.ceil(length / min(plan.campaign.central.airspeeds))
+
+
+def _range_of(plan: Plan, fault: FaultRateTable) -> tuple[float, float] | None:
+    """Range of a fault's size; None without a range."""
+    kind = fault.of_kind
+    stated = getattr(fault, kind.range_key) if kind.range_key else None
+    if stated is not None or not kind.surface:
+        return stated
+    (table,) = (x for x in plan.scenario.plant if x.label == plan.groups[0].plant)
+    surface = getattr(table.config.surfaces, kind.surface)
+    low, high = np.rad2deg(surface.travel).tolist()
+    return low, high
+
+
+def check_rates(plan: Plan, rates: RatesTable) -> None:
+    """Refuse faults and endings that the aircraft cannot have, before any flight."""
+    (table,) = (x for x in plan.scenario.plant if x.label == plan.groups[0].plant)
+    if table.aircraft is None:
+        raise InputError(f"`rates` must be for an aircraft (jsbsim), got {table.label}.")
+    if table.airframe is not None and table.airframe.fault is not None:
+        raise InputError("`rates` must be for flights without a fault of their own.")
+    config, endings = table.config, {rates.ending_of(i) for i in range(len(rates.fault))}
+    if "glide" in {*endings, rates.ending.kind} and not plan.scenario.speed_priority:
+        raise InputError(
+            "`kind` of [ending] must be without a glide for a law that does not hold the airspeed: "
+            "[controller] `speed_priority` must be true."
+        )
+    for fault in rates.fault:
+        kind, travel = fault.of_kind, None
+        if kind.surface:
+            surface = getattr(config.surfaces, kind.surface)
+            if surface is None:
+                raise InputError(
+                    f"`kind` must be a fault that {table.aircraft} can have, got {fault.kind}: it "
+                    f"has no {kind.surface}."
+                )
+            travel = np.rad2deg(surface.travel)
+        if fault.kind == "engine" and config.engines.count == 0:
+            raise InputError(
+                f"`kind` must be a fault that {table.aircraft} can have, got engine: it has none."
+            )
+        if kind.receiver and plan.scenario.navigation is None:
+            raise InputError(
+                f"`kind` must be a fault of what is flown, got {fault.kind} with exact navigation."
+            )
+        stated = fault.stuck_deg
+        if (
+            travel is not None
+            and stated
+            and not travel[0] - 1e-9 <= stated[0] <= stated[1] <= travel[1] + 1e-9
+        ):
+            raise InputError(
+                f"`stuck_deg` of {fault.kind} must lie in the travel of {table.aircraft}, "
+                f"{travel[0]:g} to {travel[1]:g}, got {stated[0]:g} to {stated[1]:g}."
+            )
