@@ -170,6 +170,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     like: str | None = None,
     terrain: str | Path | None = None,
     navigation: Knowledge | None = None,
+    wind: str | Path | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
@@ -221,6 +222,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     navigation : {"exact", "rtk", "standard", "poor"}, optional
         What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
         source, else along a route a standard receiver and inertial unit.
+    wind : str or Path, optional
+        Forecast of Open-Meteo (.json, .csv), also ``FILE@TIME`` or ``FILE@FROM/TO`` by its clock:
+        each flight draws its wind from the forecast's range at the mission's heights over all
+        members and these times, instead of 0 to 8 m/s from anywhere.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it. From 250 flights on ``OUT-unfinished.npz`` has those counted so far, with which
@@ -256,6 +261,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             source=source,
             settings={**of_flights, "terrain": terrain},
             navigation=navigation,
+            wind=wind,
             seed=seed,
             flights=flights,
             until_sure=until_sure,
@@ -263,7 +269,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         )
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
-        _check_absent({**of_flights, **own_count, "navigation": navigation})
+        _check_absent({**of_flights, **own_count, "navigation": navigation, "wind": wind})
         check_off_route(counted.about.signals, counted.flights.over)
         file = Path(source) if isinstance(source, str | Path) else written
         flown = _CountedFlights(band=counted)
@@ -382,6 +388,7 @@ class _NewFlights:
     source: Any  # source for `flights`
     settings: Mapping[str, Any]  # keywords for `flights`
     navigation: Knowledge | None
+    wind: str | Path | None  # forecast
     seed: int | None
     flights: int | None  # number to count
     until_sure: bool
@@ -390,7 +397,8 @@ class _NewFlights:
     @cached_property
     def stated(self) -> Flights:
         """The flights of the source."""
-        return flights_of_source(self.source, **self.settings).knowing(self.navigation)
+        stated = flights_of_source(self.source, **self.settings)
+        return stated.knowing(self.navigation).in_wind(self.wind)
 
     @cached_property
     def plan(self) -> Plan:

@@ -15,6 +15,7 @@ from flighttune.base.files.shipped import campaign_files, scenario_files
 from flighttune.base.files.table import abridged, shown, toml_tables, validated
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.campaigns.planning.draws import copula_factor, dispersed_places, with_drawn
+from flighttune.campaigns.planning.forecast import Spread, spread_of
 from flighttune.campaigns.planning.knowing import Knowledge, knowing
 from flighttune.campaigns.planning.plan import Plan, plan_campaign, recorded_plan
 from flighttune.campaigns.planning.schema import (
@@ -26,7 +27,7 @@ from flighttune.campaigns.planning.schema import (
 )
 from flighttune.control.gains_keys import TUNED_FOR_AIRCRAFT, GainsTable
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
-from flighttune.flight.route import AIRCRAFT, mission_scenario
+from flighttune.flight.route import AIRCRAFT, mission_scenario, planned_route
 from flighttune.flight.scenario import load
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.fence import own_fence
@@ -276,6 +277,24 @@ class Flights:
         campaign = self.campaign and knowing(self.campaign, navigation)
         return replace(self, scenario=knowing(self.scenario, navigation), campaign=campaign)
 
+    def in_wind(self, forecast: str | Path | None) -> "Flights":
+        """Flights along a route in a wind drawn from a forecast, see `spread_of`; None: no change.
+
+        It takes the place of the wind of the campaign.
+        """
+        if forecast is None:
+            return self
+        campaign = self.campaign
+        if self.recorded is not None or campaign is None or campaign.nominal.route is None:
+            raise InputError(
+                f"{self.place}: `wind` must be with a mission, or a campaign about a route."
+            )
+        planned = planned_route(campaign.central)
+        path, origin, h_0 = planned.where
+        up = path.up[path.s <= path.length] + h_0 - campaign.nominal.flight.ground_m
+        spread = spread_of(forecast, origin, (float(up.min()), float(up.max())))
+        return replace(self, campaign=in_spread(campaign, spread, self.place))
+
     def _check_scenario(self, name: str, value: float) -> None:
         if value and self.campaign is not None:
             raise InputError(
@@ -308,6 +327,29 @@ class Flights:
         if self.mission or self.recorded:
             plan.chosen_group(None, gains)  # this refuses other gains
         return plan
+
+
+def in_spread(campaign: Campaign, spread: Spread, place: str) -> Campaign:
+    """A campaign whose wind is drawn uniformly from the spread of a forecast."""
+    drawn = [x for x in campaign.disperse if not x.key.startswith("wind.")]
+    kept = {x.key for x in drawn}
+    fixed = {}
+    for key in ("speed_mps", "from_deg"):
+        low, high = getattr(spread, key)
+        fixed[key] = low
+        if low < high:
+            drawn.append(Uniform(key=f"wind.{key}", lower=low, upper=high))
+    tables = campaign.nominal.as_dict()
+    tables["wind"] = fixed
+    tables["route"]["notes"] = [*tables["route"].get("notes", []), spread.words]
+    table = campaign.model_copy(
+        update={
+            "title": f"{campaign.title}, in the wind of {spread.source}",
+            "disperse": drawn,
+            "correlation": [x for x in campaign.correlation if {*x.keys} <= kept],
+        }
+    )
+    return campaign_on(table, load.scenario_from(tables), place)
 
 
 def flights(

@@ -1,0 +1,228 @@
+"""A forecast of wind in the format of Open-Meteo, and flights that are drawn in its spread.
+
+The format: https://open-meteo.com/en/docs and https://open-meteo.com/en/docs/ensemble-api.
+"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from plans import plan_file, waypoint
+
+import flighttune as ft
+from flighttune.base.errors import FlightTuneError, InputError
+from flighttune.campaigns.planning.forecast import load_forecast, sector, spread_of
+
+START = 47.4, 8.5
+
+# m/s and deg: the spread is rounded outwards to these
+SPEED, DIRECTION = 0.1, 1.0
+
+
+def column(kind, level, member):
+    return f"wind_{kind}_{level}m" + f"_member{member:02d}" * (member > 0)
+
+
+def forecast(levels=(80, 120), members=2, hours=3, unit="m/s", per_unit=1.0, from_deg=250.0):
+    """Each hour 1 m/s more, each member 2 m/s and 10 deg more, 0.05 m/s more a metre."""
+    tables = {
+        "latitude": 47.4, "longitude": 8.52, "generationtime_ms": 0.1, "utc_offset_seconds": 0,
+        "timezone": "GMT", "timezone_abbreviation": "GMT", "elevation": 480.0,
+        "hourly_units": {"time": "iso8601"},
+        "hourly": {"time": [f"2026-11-29T{hour:02d}:00" for hour in range(hours)]},
+    }  # fmt: skip
+    for level in levels:
+        for member in range(members):
+            speeds = [
+                (4.0 + hour + 2.0 * member + 0.05 * level) / per_unit for hour in range(hours)
+            ]
+            speed, origin = column("speed", level, member), column("direction", level, member)
+            tables["hourly"] |= {speed: speeds, origin: [(from_deg + 10.0 * member) % 360] * hours}
+            tables["hourly_units"] |= {speed: unit, origin: "°"}
+    return tables
+
+
+def written(path, tables):
+    path.write_text(json.dumps(tables))
+    return path
+
+
+def as_csv(tables):
+    """The same as the service writes it with ``format=csv``."""
+    about = {key: tables[key] for key in tables if key not in ("hourly", "hourly_units")}
+    about.pop("generationtime_ms")
+    units, hourly = tables["hourly_units"], tables["hourly"]
+    heads = ["time", *(f"{name} ({units[name]})" for name in hourly if name != "time")]
+    lines = [",".join(about), ",".join(map(str, about.values())), "", ",".join(heads)]
+    return "\n".join(
+        [*lines, *(",".join(map(str, row)) for row in zip(*hourly.values(), strict=True))]
+    )
+
+
+@pytest.mark.parametrize(
+    ("over_ground", "times", "speeds"),
+    [
+        ((100.0, 100.0), "", (9.0, 13.0)),  # 4 + 5 to 4 + 2 + 2 + 5
+        ((80.0, 120.0), "", (8.0, 14.0)),
+        ((20.0, 80.0), "", (8.0, 12.0)),  # below the lowest level as at it
+        ((100.0, 100.0), "@2026-11-29T01:00", (10.0, 12.0)),
+        ((100.0, 100.0), "@2026-11-29T00:10/2026-11-29T00:50", (9.0, 12.0)),
+        ((100.0, 100.0), "@2026-11-29T03:00+02:00", (10.0, 12.0)),
+    ],
+)
+def test_the_spread_is_over_members_heights_and_times(tmp_path, over_ground, times, speeds):
+    file = written(tmp_path / "f.json", forecast())
+
+    spread = spread_of(f"{file}{times}", START, over_ground)
+
+    assert spread.speed_mps == pytest.approx(speeds, abs=SPEED)
+    assert spread.speed_mps[0] <= speeds[0] + 1e-9
+    assert spread.speed_mps[1] >= speeds[1] - 1e-9
+    assert spread.from_deg == pytest.approx((250.0, 260.0), abs=DIRECTION)
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_unit"),
+    [("km/h", 1.0 / 3.6), ("mp/h", 1609.344 / 3600.0), ("kn", 1852.0 / 3600.0)],
+)
+def test_units_and_csv_give_the_same_wind(tmp_path, unit, per_unit):
+    tables = forecast(unit=unit, per_unit=per_unit)
+    file = tmp_path / "f.csv"
+    file.write_text(as_csv(tables))
+    metric = load_forecast(written(tmp_path / "m.json", forecast()))
+
+    for other in (load_forecast(file), load_forecast(written(tmp_path / "f.json", tables))):
+        assert other.wind == pytest.approx(metric.wind)
+        assert [*other.times] == [*metric.times]
+    # from the west-southwest it blows to the east-northeast
+    north, east = metric.wind[0, 0, 0]
+    assert (north, east) == pytest.approx(
+        (8.0 * math.cos(math.radians(70.0)), 8.0 * math.sin(math.radians(70.0)))
+    )
+
+
+def test_unix_times_and_the_clock_of_a_place_are_the_same_hours(tmp_path):
+    local, unix = forecast(), forecast()
+    local["utc_offset_seconds"] = 3600
+    unix["hourly"]["time"] = [1795906800 + 3600 * i for i in range(3)]  # 2026-11-28 23:00 UTC
+
+    times = [load_forecast(written(tmp_path / "f.json", x)).times for x in (local, unix)]
+    assert times[0] == times[1]
+
+
+@pytest.mark.parametrize(
+    ("angles", "ends"),
+    [
+        ([350.0, 10.5, 5.0], (350.0, 371.0)),
+        ([90.0], (90.0, 90.0)),
+        ([0.0, 100.0, 200.0, 300.0], (100.0, 360.0)),
+        (np.arange(0.0, 360.0, 0.5), (0.0, 360.0)),
+    ],
+)
+def test_a_sector_is_the_smallest_with_all_angles(angles, ends):
+    assert sector(np.asarray(angles)) == ends
+
+
+def bad(change):
+    tables = forecast()
+    change(tables)
+    return tables
+
+
+SPEED_80, FROM_80 = "wind_speed_80m", "wind_direction_80m"
+BAD = {
+    "units": (lambda x: x["hourly_units"].update({SPEED_80: "Bft"}), "hourly_units.wind_speed_80m"),
+    "no unit": (lambda x: x["hourly_units"].pop(FROM_80), "must be °, got None"),
+    "negative": (lambda x: x["hourly"].update({SPEED_80: [1, -2, 3]}), "must not be negative"),
+    "short": (lambda x: x["hourly"].update({SPEED_80: [1.0]}), "must have 3 values as `time`"),
+    "text": (lambda x: x["hourly"].update({SPEED_80: [1, "a", 3]}), "must be a number, got 'a'"),
+    "null": (
+        lambda x: x["hourly"].update({SPEED_80: [1, None, 3]}),
+        "2026-11-29 01:00 UTC must be",
+    ),
+    "no direction": (lambda x: x["hourly"].pop(FROM_80), "must have wind_direction_80m"),
+    "no member": (lambda x: x["hourly"].pop(f"{SPEED_80}_member01"), "wind_speed_80m_member01"),
+    "no wind": (lambda x: x.update(hourly={"time": x["hourly"]["time"]}), "another height"),
+    "no times": (lambda x: x["hourly"].update(time=[]), "must have rising times"),
+    "no place": (lambda x: x.pop("latitude"), "`latitude` must be a number"),
+    "elsewhere": (lambda x: x.update(latitude=52.5), "within 50 km of the mission"),
+    "low": (lambda x: [x["hourly"].pop(k) for k in [*x["hourly"]] if "120m" in k], "100 m over"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_refused_in_a_line_that_names_the_file(tmp_path, case):
+    change, words = BAD[case]
+    file = written(tmp_path / "f.json", bad(change))
+
+    with pytest.raises(FlightTuneError) as caught:
+        spread_of(file, START, (100.0, 100.0))
+
+    said = str(caught.value)
+    assert said.startswith(f"{file}: ")
+    assert words in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "words"),
+    [
+        ("f.json", "@noon", "must be TIME or FROM/TO"),
+        ("f.json", "@2026-11-29T02:00/2026-11-29T01:00", "must be TIME or FROM/TO"),
+        ("f.json", "@2026-11-30T02:00", "`time` must reach over 2026-11-30T02:00"),
+        ("f.txt", "", "must be a forecast .json or .csv"),
+        ("f.csv", "", "must begin with lines of latitude"),
+        ("no.json", "", "must be readable"),
+    ],
+)
+def test_times_and_files_that_do_not_fit_are_refused(tmp_path, name, times, words):
+    for file in ("f.json", "f.txt", "f.csv"):
+        written(tmp_path / file, forecast())
+
+    with pytest.raises(FlightTuneError, match=words) as caught:
+        spread_of(f"{tmp_path / name}{times}", START, (100.0, 100.0))
+    assert str(tmp_path / name) in str(caught.value)
+
+
+def test_flights_of_a_mission_draw_their_wind_within_the_forecast(tmp_path):
+    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 100), waypoint(47.41, 8.5, 110))
+    file = written(tmp_path / "f.json", forecast(from_deg=355.0))
+    calm = ft.flights(plan)
+
+    flights = calm.in_wind(file)
+    drawn, before = (
+        [x.plan().with_runs(40).scenario_of(i).wind for i in range(40)] for x in (flights, calm)
+    )
+
+    assert max(x.speed_mps for x in before) <= 8.0 < min(x.speed_mps for x in drawn)
+    speeds, origins = ([getattr(x, key) for x in drawn] for key in ("speed_mps", "from_deg"))
+    # by hand: 100 to 110 m over ground, three hours, two members; all of the range is drawn
+    assert (min(speeds), max(speeds)) == pytest.approx((9.0, 13.5), abs=0.5)
+    assert (min(origins), max(origins)) == pytest.approx((355.0, 365.0), abs=1.0)
+    others = [
+        [x.key for x in of.campaign.disperse if not x.key.startswith("wind.")]
+        for of in (flights, calm)
+    ]
+    assert others[0] == others[1]
+    assert flights.campaign.nominal.turbulence == calm.campaign.nominal.turbulence
+    assert "f.json of 2026-11-29 00:00 to 2026-11-29 02:00 UTC" in flights.campaign.title
+    assert "9 to 13.5 m/s from 355 to 365 deg" in flights.campaign.nominal.route.notes[-1]
+
+
+def test_a_single_wind_is_not_drawn_but_fixed(tmp_path):
+    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 80), waypoint(47.41, 8.5, 80))
+    file = written(tmp_path / "f.json", forecast(members=1, hours=1))
+
+    campaign = ft.flights(plan).in_wind(file).campaign
+
+    assert not [x.key for x in campaign.disperse if x.key.startswith("wind.from")]
+    assert campaign.nominal.wind.from_deg == 250.0
+    assert campaign.nominal.wind.speed_mps == pytest.approx(8.0, abs=SPEED)
+    assert "one forecast without its error" in campaign.nominal.route.notes[-1]
+
+
+def test_a_scenario_without_drawn_flights_takes_no_forecast(tmp_path):
+    file = written(tmp_path / "f.json", forecast())
+    with pytest.raises(InputError, match="`wind` must be with a mission"):
+        ft.flights("circuit").in_wind(file)
