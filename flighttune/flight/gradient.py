@@ -20,7 +20,7 @@ from flighttune.flight import metrics
 from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.fly import aircraft_table, controller_on, fly_alone, manoeuvre, plant_of
 from flighttune.flight.load import chosen_entry
-from flighttune.flight.loop.aircraft import CEILING, FLOOR, compiled_aircraft
+from flighttune.flight.loop.aircraft import CEILING, compiled_aircraft
 from flighttune.flight.loop.batch import ARRIVED
 from flighttune.flight.loop.loop import Flight
 from flighttune.flight.loop.run import Run
@@ -293,7 +293,7 @@ def _with_slopes(entry: Entry, parameters: Mapping[str, float]) -> SlopedFlight:
     if flight.how != ARRIVED:
         raise InputError(
             f"{entry.label}: the flight must be compiled to have slopes, but only JSBSim flies "
-            f"below {FLOOR:g} m above the ground and above {CEILING:g} m."
+            f"near the ground and above {CEILING:g} m."
         )
     return flight
 

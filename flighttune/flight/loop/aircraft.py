@@ -31,12 +31,13 @@ from flighttune.vehicles.plants.weather import Weather
 
 if TYPE_CHECKING:
     from flighttune.vehicles.compiled.face import CompiledStep
+    from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 _G_0_FPS2 = G_0 / FT
 
-# Heights between which the compiled step knows air and forces, m: above the ground, and up to the
-# tropopause above sea level.
-FLOOR, CEILING = 50.0, 10_900.0
+# The compiled step knows air and forces up to the tropopause, m above sea level, and down to this
+# distance of the parts that may touch the ground, m: the height is checked every 20 ms.
+CEILING, CLEAR = 10_900.0, 10.0
 
 WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down"))
 
@@ -45,7 +46,7 @@ UNKNOWN = "its loop does not know"
 
 # Other reasons, which concern one flight
 OTHER_LAW = "laws other than the paper's and the exact one are not compiled"
-LOW = f"flights below {FLOOR:.0f} m above the ground are not compiled"
+LOW = "flights near the ground are not compiled"
 HIGH = f"flights above {CEILING / 1000.0:g} km are not compiled"
 NOT_FINITE = "its commands or signals are not finite"
 
@@ -280,7 +281,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         low=low,
         high=high,
         weight=weight,
-        floor=FLOOR / FT,
+        floor=CLEAR / FT + _lowest_reach(fdm),
         ceiling=(CEILING - fdm.ground) / FT,
         stream=np.empty((DRAWN if turbulent else 1, 4 if turbulent else 0)),
         random=start.random,
@@ -295,3 +296,12 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         ground=fdm.ground,
         rate=plant.rate,
     )
+
+
+def _lowest_reach(fdm: "Fdm") -> float:
+    """Distance from the centre of gravity, in any attitude, of what may touch the ground, ft."""
+    cg = [fdm.reader(f"inertia/cg-{axis}-in")() for axis in "xyz"]
+    contacts = [name for kind in ("gear/unit", "contact/unit") for name in fdm.names(kind)]
+    units = [name.removesuffix("x-position") for name in contacts if name.endswith("/x-position")]
+    places = [[fdm.reader(f"{unit}{axis}-position")() for axis in "xyz"] for unit in units]
+    return max((math.dist(place, cg) / 12.0 for place in places), default=0.0)
