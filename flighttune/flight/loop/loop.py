@@ -470,11 +470,12 @@ def _errors(
     sensors: Sensors | None, navigation: Navigation | None, dt: float, V_a: float, n: int
 ) -> FloatArray:
     """Errors of sensors and navigation at the first n samples, for `SensedPlant`."""
-    errors = np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
     if navigation is None:
-        return errors
+        return np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
     # Airspeed is the last error of sensors and the first of navigation.
-    errors = np.hstack([errors, np.zeros((n, len(ERRORS) - 1))])
+    errors = np.zeros((n, len(SENSED) - 1 + len(ERRORS)))
+    if sensors is not None:
+        errors[:, : len(SENSED)] = sensors.errors(n, dt)
     errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a)
     return errors
 

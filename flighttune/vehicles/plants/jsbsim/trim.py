@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError, TrimError
+from flighttune.base.errors import InputError, PlantError, TrimError
 from flighttune.base.units import DEG, DEG_PER_RAD, FT, G_0
 from flighttune.base.words import listed
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig, start_faults
@@ -200,8 +201,14 @@ def trim(fdm: Fdm, condition: FlightCondition) -> AirframeState:
 def _found(
     files: Unchanged, condition: FlightCondition, steps: int, ground: float
 ) -> tuple[float, ...]:
-    fdm = Fdm(files.config, steps=steps, ground=ground)
-    return tuple(_TrimProblem(fdm, condition).steady().tolist())
+    config, near = files.config, None
+    if config.off_nominal is not None:  # the engine then settles a third as often
+        nominal = config.with_off_nominal(None)
+        key = unchanged(nominal, nominal.model_dump_json(), repr(None))
+        with suppress(InputError, PlantError):
+            near = np.array(_found(key, replace(condition, chi=0.0), steps, ground))
+    problem = _TrimProblem(Fdm(config, steps=steps, ground=ground), condition)
+    return tuple(problem.steady(near=near).tolist())
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
