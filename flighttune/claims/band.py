@@ -20,7 +20,7 @@ from flighttune.flight.loop.run import ERRORS, Run, RunClaim
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.routes.fence import DISTANCE_SIGNS, read_fence, room_along
+from flighttune.routes.fence import DISTANCE_SIGNS, Fence, Room, read_fence, room_along
 from flighttune.routes.follow import SAME_PLACE, RouteReference
 from flighttune.routes.maps import Corridor, Where, areas_of
 
@@ -157,20 +157,10 @@ class Band(SignalBounds):
 
         Messages name the `file` of the fence.
         """
-        about, central = self.about, self.flights.central
-        columns, (path, origin, _) = self._off_route(), self.flights.route.where
-        fence = read_fence(file, origin, tables)
-        away, completed = DISTANCE_SIGNS * self.extremes[:, :, columns], np.isfinite(self.scores)
-        reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
-        if self.claims and not about.predicted_from:
-            corridor = self.corridor()
-            reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
-        widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
-        overlap = OVERLAP_SAMPLES * max(central.airspeeds) / central.controller.rate_hz
-        room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
+        fence, room, reaches = self._room(tables, file)
         # The limits to the sides are finite, so flights that were not completed are outside.
-        outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
-        flights, ending = len(away), self.ending
+        outside = int(np.sum(~(self._away() <= room.limits).all(axis=(1, 2, 3))))
+        flights, ending = len(self.scores), self.ending
         supported = ending.supported(outside, flights)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
         sure = f"confidence {self.confidence:.10g}{self.shared.words}{ending.words}"
@@ -179,10 +169,37 @@ class Band(SignalBounds):
             heights=fence.heights,
             outside=outside,
             epsilon=supported.epsilon,
-            supported=supported.epsilon <= about.epsilon,
+            supported=supported.epsilon <= self.about.epsilon,
             nearest=[{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
             sentence=claim or f"{said}{supported.lacks}",
         )
+
+    def _room(
+        self, tables: dict[str, Any], file: Path
+    ) -> tuple[Fence, Room, dict[str, FloatArray]]:
+        """A fence, its room along the route, and how far flights and corridor reach."""
+        central, (path, origin, _) = self.flights.central, self.flights.route.where
+        fence = read_fence(file, origin, tables)
+        away, completed = self._away(), np.isfinite(self.scores)
+        reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
+        if self.claims and not self.about.predicted_from:
+            corridor = self.corridor()
+            reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
+        widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
+        overlap = OVERLAP_SAMPLES * max(central.airspeeds) / central.controller.rate_hz
+        room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
+        return fence, room, reaches
+
+    def _away(self) -> FloatArray:
+        """Largest distances of each flight from its route, shape (N, windows, 2, 2), m."""
+        return DISTANCE_SIGNS * self.extremes[:, :, self._off_route()]
+
+    @property
+    def nearness(self) -> list[FloatArray]:
+        """How near each flight comes to leaving the band, and each fence."""
+        limits = [self._room(areas, KEPT)[1].limits for areas in self.about.fences]
+        beyond = [np.nan_to_num(self._away() - limit, nan=np.inf) for limit in limits]
+        return [self.scores, *(x.max(axis=(1, 2, 3)) for x in beyond)]
 
     @property
     def _not_inside(self) -> list[int]:

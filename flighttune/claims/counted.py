@@ -207,6 +207,11 @@ class Counted(Answering):
         return self.ending.allowed(len(self.scores))
 
     @property
+    def nearness(self) -> list[FloatArray]:
+        """How near each flight comes to leaving, by claim, shape (N,): the largest leave first."""
+        return [self.scores]
+
+    @property
     def _not_inside(self) -> list[int]:
         """Number of counted flights that are outside at any scale, for each claim."""
         return [self.not_completed]

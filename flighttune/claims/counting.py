@@ -17,7 +17,6 @@ from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.compiled import CompiledFlights
-from flighttune.campaigns.flying.rows import NEAR
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
 from flighttune.claims import counted_flights
@@ -32,9 +31,9 @@ from flighttune.claims.unfinished import Unfinished, written_at
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 
-# Flights, after the one nearest to leaving, that JSBSim flies too: of large counts a tenth of the
-# scale has many flights, and each takes as long as ten to twenty compiled ones.
-NEXT = 5
+# Flights after those that decide a claim that JSBSim flies too. Within a tenth of the scale there
+# are many, 126 of 750, and each takes as long as ten compiled ones.
+NEXT = 2
 
 # Numbers of flights that the refusal of another number lists.
 SHOWN = 3
@@ -118,11 +117,11 @@ def counted_on(
     learn: int,
     signals: Iterable[str] | None = None,
     predicted_from: Literal["wind"] | None = None,
-    certain: Callable[[C], bool] | None = None,
+    judged: Callable[[C], C] | None = None,
     unfinished: Unfinished | None = None,
     fliers: Fliers,
 ) -> C:
-    """A count of the flights of a plan; it ends sooner if the answer is `certain`."""
+    """A count of the flights of a plan; it ends sooner if it is decided as `judged`."""
     check_at_least(kind.measures.min_learned, learn=learn)
     plan = plan.with_runs(learn + ending.flights)
     _check_flights(plan, place, windy=predicted_from is not None)
@@ -161,8 +160,8 @@ def counted_on(
         counted = replace(counted, compiled=pool.progress.compiled)
         if unfinished is not None:
             counted = unfinished.begun(counted, pool.observer)
-        counted = _counted(counted, pool, partial(_flown, pool, plan, kept), certain, unfinished)
-        _check_deciding(counted, pool)
+        counted = _counted(counted, pool, partial(_flown, pool, plan, kept), judged, unfinished)
+        _check_deciding(judged(counted) if judged else counted, pool)
     return replace(counted, compiled=pool.progress.compiled)
 
 
@@ -170,12 +169,12 @@ def _counted(
     counted: C,
     pool: WorkerPool,
     flown: Callable[[Sequence[int]], Numbers],
-    certain: Callable[[C], bool] | None,
+    judged: Callable[[C], C] | None,
     unfinished: Unfinished | None,
 ) -> C:
     """A count that goes on to its end, with the numbers of each run by `flown`."""
     ending, learned, begun = counted.ending, counted.about.learned, len(counted.scores)
-    looks = ending.looks() if certain else []
+    looks = ending.looks() if judged else []
     writes = written_at(ending.flights) if unfinished else []
     pool.progress.compiled, pool.progress.endings = counted.compiled, [*counted.endings]
     stops = sorted({*looks, *writes, ending.flights})
@@ -187,27 +186,33 @@ def _counted(
             endings=sorted(pool.progress.endings, key=lambda x: x["run"]),
             compiled=pool.progress.compiled,
         )
-        if certain is not None and end in looks and certain(counted):
+        if judged is not None and end in looks and judged(counted).decided:
             break
         if unfinished is not None and end in writes:
             unfinished.write(counted)
     return counted
 
 
-def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
-    """Repeat in JSBSim the flights that decide a count, if compiled flights are among them.
+def deciding(counted: Counted) -> list[int]:
+    """Draws of the flights that decide a count, and of the next `NEXT` of each claim.
 
-    These are the flights outside, the flight nearest to leaving, and the next `NEXT` within a tenth
-    of it. PlantError names the first difference.
+    A claim follows from the flights nearest to leaving, one more than may lie outside, as long as
+    the others are farther inside: they set the scale, or are one too many.
+    """
+    decide = max(0, counted.allowed) + 1 + NEXT
+    nearest = [np.argsort(-near, kind="stable")[:decide] for near in counted.nearness]
+    return counted.draws[np.unique(nearest)].tolist()
+
+
+def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
+    """Repeat in JSBSim what decides a count, if compiled flights are in it.
+
+    PlantError names the first difference.
     """
     compiled = pool.progress.compiled
-    completed = counted.scores[np.isfinite(counted.scores)]
-    if not (compiled.flights and len(completed)):
+    if not (compiled.flights and len(counted.scores)):
         return
-    near = (1.0 - NEAR) * min(counted.scale, completed.max())
-    last = np.sort(completed)[::-1][: int(np.sum(completed > counted.scale)) + 1 + NEXT].min()
-    decides = np.isfinite(counted.scores) & (counted.scores >= max(near, last))
-    draws = counted.draws[decides].tolist()
+    draws = deciding(counted)
     with code.in_jsbsim():
         if differ := differing(counted, draws, pool):
             raise PlantError(

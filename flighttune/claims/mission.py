@@ -376,7 +376,7 @@ def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> Tur
         Fixed.enough(None, *claim, outside=OUTSIDE),
         place=place,
         learn=LEARN_TURNS,
-        certain=lambda turns: turns.decided,
+        judged=lambda turns: turns,
         fliers=fliers,
     )
 
@@ -454,7 +454,7 @@ class _NewFlights:
             self.ending(claim),
             place=self.place,
             learn=LEARN,
-            certain=lambda band: (band.with_fence(areas) if areas else band).decided,
+            judged=lambda band: band.with_fence(areas) if areas else band,
             unfinished=self.unfinished,
             fliers=fliers,
         )

@@ -115,13 +115,14 @@ class RouteReference:
 
     def displacement(self, signals: pd.DataFrame) -> float:
         """Largest distance, m, between the positions of a flight and their places on the route."""
-        along, *off = signals[[*ROUTE_SIGNALS]].to_numpy().T
-        positions = signals[["north", "east", "down"]].to_numpy() * (1.0, 1.0, -1.0)
+        values = signals[[*ROUTE_SIGNALS, "north", "east", "down"]].to_numpy().T
+        (along, *off), (north, east, down) = np.split(np.ascontiguousarray(values), 2)
         # The distance along the route never decreases, as in the windows of a band: behind the
         # start it is zero, and a flight that the wind carries back keeps its largest distance so
         # far.
-        places = self.path.beside(np.maximum.accumulate(along), *off)
-        return float(np.linalg.norm(positions - places, axis=1).max())
+        there = self.path.beside(np.maximum.accumulate(along), *off).T
+        off_north, off_east, off_up = north - there[0], east - there[1], -down - there[2]
+        return math.sqrt(float((off_north**2 + off_east**2 + off_up**2).max()))
 
     @cached_property
     def table(self) -> FloatArray:

@@ -186,6 +186,27 @@ def test_the_third_largest_of_all_flights_decides_the_corridor(
             ft.load(out)
 
 
+def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch):
+    made_up_flights(monkeypatch, None)
+    file = mission(
+        tmp_path / "m.plan", [[47.39, 8.49], [47.39, 8.51], [47.42, 8.51], [47.42, 8.49]]
+    )
+    band = ft.mission(file, epsilon=0.1, flights=80, workers=1).band
+    (fence,) = band.about.fences
+
+    def margin(i):
+        alone = {name: getattr(band, name)[[i]] for name in ("extremes", "wind", "navigation")}
+        return replace(band, **alone).inside(fence).nearest[0]["margin_m"]
+
+    margins = np.array([margin(i) for i in range(80)])
+    most = band.allowed + 1
+    wanted = {*np.argsort(margins)[:most], *np.argsort(-band.scores)[:most]}
+
+    assert most < len(wanted) <= 2 * most  # both claims have flights of their own
+    assert {*(LEARN + i for i in wanted)} <= {*counting.deciding(band)}
+    assert len(counting.deciding(band)) <= len(wanted) + 2 * counting.NEXT
+
+
 def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
     """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
     made_up_flights(monkeypatch, None)

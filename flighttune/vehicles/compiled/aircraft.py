@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The compiled step of an aircraft, and the start of a flight on it."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,5 +67,6 @@ class CompiledStep:
             own |= gust_numbers(plant.weather.gust, fdm.rate)
         names = [x for x in (*self.names.states, *self.names.parameters) if x not in own]
         numbers = Source(plant.config, fdm.steps, fdm.files).numbers
-        values = start_values(fdm, self._model, numbers, names) | own
+        with warnings.catch_warnings(action="ignore"):  # of the matrix class that JSBSim returns
+            values = start_values(fdm, self._model, numbers, names) | own
         return Start(*self._machine.arrays(values.__getitem__), seeded(plant.seed))

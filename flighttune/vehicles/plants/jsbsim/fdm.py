@@ -4,7 +4,6 @@ import ctypes
 import math
 import re
 import threading
-import warnings
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -116,7 +115,7 @@ _SETTLED_CHANGE = 1e-10
 
 # Longest wait for a steady thrust as a multiple of the settling time, and the relative change of a
 # thrust in a second that counts as none.
-_MAX_SETTLINGS, _STEADY = 5, 1e-12
+_MAX_SETTLINGS, _STEADY = 5, 1e-9
 
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
@@ -333,9 +332,8 @@ class Fdm:
         return at_rest
 
     def earth_to_body(self) -> FloatArray:
-        """Rotation from the axes of the Earth to those of the body."""
-        with warnings.catch_warnings(action="ignore"):  # of the matrix class that JSBSim returns
-            return np.asarray(self._exec.get_propagate().get_Tec2b())
+        """Rotation from the axes of the Earth to those of the body; JSBSim's matrices warn."""
+        return np.asarray(self._exec.get_propagate().get_Tec2b())
 
     def _body(self) -> Body:
         cg = [self.reader(f"inertia/cg-{axis}-in")() / _INCHES for axis in "xyz"]
