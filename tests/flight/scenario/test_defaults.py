@@ -15,6 +15,8 @@ SCENARIO = {
     "": {"gains": ["paper", "tuned"]},
     "flight": {"h_m": 1000.0, "start": "course", "duration_s": 20.0, "g_mps2": 9.81},
     "route": {"margin": 0.2, "gamma_deg": (-10.0, 10.0), "look_ahead_s": 3.0},
+    "route.ending": {"side": 1},  # since 0.5.0
+    "plant.airframe.fault": {"ended_by": "cut"},  # since 0.5.0
     "turn_back": {"side": 1, "turn_deg": 180.0, "detected_s": 10.0, "reaction_s": 1.0},
     "navigation": {"grade": "standard"},
     "controller": {"rate_hz": 50.0, "anti_windup": "conditional"},
@@ -28,6 +30,7 @@ CAMPAIGN = {
     "": {"design": "random", "time_limit_s": 60.0},
     "disperse": {"acts": "sets", "distribution": "grid"},
     "keep": {"failures": 20, "worst": 5, "worst_by": "chi.ITAE", "sample": 5},
+    "plant.airframe.fault": {"ended_by": "cut"},  # since 0.5.0
 }
 
 
