@@ -21,8 +21,15 @@ TUNED_IDENTIFIED = "tuned_identified"
 # smallest errors in turbulence.
 TUNED_FED_BACK = "tuned_fed_back"
 
+# The same with the estimation errors of a standard receiver and inertial unit, under bounds on the
+# rates of roll and load factor.
+TUNED_GENTLE = "tuned_gentle"
+
+# Gains of the exact law alone
+OF_EXACT_LAW = TUNED_FED_BACK, TUNED_GENTLE
+
 # Gains tuned for an aircraft, the best first.
-TUNED_FOR_AIRCRAFT = TUNED_FED_BACK, TUNED_IDENTIFIED
+TUNED_FOR_AIRCRAFT = *OF_EXACT_LAW, TUNED_IDENTIFIED
 
 
 def default_gains(names: Sequence[str]) -> str:

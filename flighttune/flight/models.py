@@ -18,7 +18,14 @@ from flighttune.control import inner_loop
 from flighttune.control.certificates.exact_rate import Sampling
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import NO_FEEDBACK, RATES, PIGains, paper_family
-from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, GainsTable
+from flighttune.control.gains_keys import (
+    OF_EXACT_LAW,
+    TUNED,
+    TUNED_FED_BACK,
+    TUNED_GENTLE,
+    TUNED_IDENTIFIED,
+    GainsTable,
+)
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
@@ -31,6 +38,7 @@ from flighttune.control.tuning.tune import tune_problem
 from flighttune.control.tuning.tuning_keys import SHAPED
 from flighttune.flight.conditions import command_limits, limits_on, reference_of, stated_condition
 from flighttune.flight.entry import Entry
+from flighttune.flight.noise import tuning_noise
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.identification.file import DesignModel, design_model
 from flighttune.vehicles.plants.weather import turbulence_scales
@@ -42,11 +50,15 @@ TINY = 1e-300
 # that guarantees 35 deg of phase and 8 dB of gain margin, more than `meet` requires.
 SENSITIVITY, LARGEST_SENSITIVITY = 1.4, 0.5 / math.sin(math.radians(17.5))
 
-# [tuning] for the gains of this name, and the maximum sensitivity at these rates of the load
-# factor, 1/s. In wind 1.5 has 2 to 4 % less ITAE than 1.4 on aircraft of 1 and 2 1/s, and 1 % more
-# on the c172p of 0.7 1/s, whose load factor falls behind its command.
-FED_BACK = {"objective": "rms", "feedback": True}
-IDENTIFIED: dict[str, dict[str, Any]] = {TUNED_IDENTIFIED: {}, TUNED_FED_BACK: FED_BACK}
+# [tuning] for the gains of these names, and the maximum sensitivity of `tuned_fed_back` at these
+# rates of the load factor, 1/s. In wind 1.5 has 2 to 4 % less ITAE than 1.4 on aircraft of 1 and
+# 2 1/s, and 1 % more on the c172p of 0.7 1/s, whose load factor falls behind its command.
+FED_BACK = {"objective": "rms", "feedback": True, "command_rate_max": None}
+IDENTIFIED: dict[str, dict[str, Any]] = {
+    TUNED_IDENTIFIED: {},
+    TUNED_FED_BACK: {**FED_BACK, "navigation": None},
+    TUNED_GENTLE: {**FED_BACK, "navigation": "standard", "sensitivity_max": SENSITIVITY},
+}
 LIFT_RATES, SENSITIVITIES = (0.7, 1.0), (1.4, 1.5)
 
 # Number of lags in a range for tuning; `certify` proves the rate for all lags.
@@ -124,7 +136,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     if scenario.tuning.model == "identified":
         return identified_problems(scenario, law)[0]
     scaling = tuning_scaling(scenario, law)
-    return _problem(scenario, linear_model(scenario, law), scaling)
+    return _problem(scenario, law or scenario.laws[0], linear_model(scenario, law), scaling)
 
 
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
@@ -149,6 +161,7 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
     return tuple(
         _problem(
             scenario,
+            law,
             replace(design.model, A=design.model.A - _weight(design.model)),
             design.scaling,
             _followed(scenario, design, law),
@@ -205,6 +218,7 @@ def _followed(scenario: Scenario, design: DesignModel, law: Law) -> FloatArray:
 
 def _problem(
     scenario: Scenario,
+    law: Law,
     model: LinearModel,
     scaling: FloatArray | None,
     gains_max: FloatArray | None = None,
@@ -225,6 +239,7 @@ def _problem(
         if settings.objective == "rms":  # airspeed over the scale of gusts across the flight
             scales = turbulence_scales(scenario.flight.h_m)
             own["gusts"] = scenario.flight.V_a_mps / np.array([*scales, scales[0]][:p])
+            own["noise"] = tuning_noise(scenario, law)
     return TuningProblem(
         model=model,
         E_star=settings.E_star or math.inf,
@@ -296,7 +311,7 @@ def _tuned_by(scenario: Scenario, law: Law, gains: str = TUNED) -> Law:
     if law.takes_gains:
         return law
     others = (other for other in scenario.laws if other.by_gains)
-    return next(others, made_law("exact") if gains == TUNED_FED_BACK else law)
+    return next(others, made_law("exact") if gains in OF_EXACT_LAW else law)
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
@@ -311,10 +326,9 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     available = {**paper_family(), **numbers}
     if gains in (TUNED, *IDENTIFIED) and gains not in numbers:
         law = _tuned_by(scenario, law, gains)
-        if gains == TUNED_FED_BACK and law.inputs != RATES:
+        if gains in OF_EXACT_LAW and law.inputs != RATES:
             raise InputError(
-                f'`gains` {TUNED_FED_BACK} must be flown with law = "exact", got the law '
-                f"{law.name!r}."
+                f'`gains` {gains} must be flown with law = "exact", got the law {law.name!r}.'
             )
         if gains in IDENTIFIED:
             settings = {"model": "identified", "lag_s": None, **IDENTIFIED[gains]}
@@ -402,6 +416,7 @@ def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningPr
             ]
             problem = _problem(
                 scenario,
+                law,
                 inner_loop.with_inner_loop(alone, each),
                 law.state_scaling(alone, each),
                 np.full((p, 2), math.inf),

@@ -35,6 +35,7 @@ from flighttune.control.linear_model import (
 from flighttune.control.theory.indicators import Indicators, indicators, indicators_batch
 from flighttune.control.theory.lmi import combination, largest, parameter, solve, unknown
 from flighttune.control.theory.lyapunov import CommonQ, common_Q, lyapunov_solution
+from flighttune.control.tuning.noise import NoisyLoop
 from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.program import Program, loop_slopes, stabilising_starts
 from flighttune.control.tuning.result import ROUNDING, TuningResult, assessment, result
@@ -360,7 +361,11 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     if whole.objective != "R_K":
         peak = math.exp(max(Peaks(case, FINE).logs(k, fed).max() for case in problems))
         active += ("sensitivity",) * (peak >= (1.0 - HELD) * whole.sensitivity_max)
-    gusts = whole.objective == "rms"
+    gusts, in_noise = whole.objective == "rms", None
+    if whole.noise is not None:
+        in_noise = NoisyLoop(whole.model, whole.noise).rms(K, fed)
+        busiest = np.max(in_noise.rates / whole.noise.rates_max)
+        active += ("command_rate",) * bool(busiest >= 1.0 - HELD)
     return TuningResult(
         status="infeasible" if broken else "optimal",
         reason=f"No gains were found inside the bounds on {', '.join(broken)}." if broken else "",
@@ -368,6 +373,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         gains=whole.gains(K, (float(fed[0]), float(fed[1])) if fed.any() else NO_FEEDBACK),
         sensitivity=peak,
         errors_in_gusts=GustLoop(whole).errors(K, fed).tolist() if gusts else None,
+        in_noise=in_noise,
         R_K=min(loop.R_K for loop in loops),
         I_K=max(loop.I_K for loop in loops),
         E_K=E_K,
@@ -457,5 +463,6 @@ def _part(
         x_0=None if problem.x_0 is None else problem.x_0[errors],
         scaling=np.asarray(problem.scaling)[np.concatenate([states, n + errors])],
         gusts=None if problem.gusts is None else problem.gusts[errors],
+        noise=problem.noise and problem.noise.of(inputs, errors),
         **bounds,
     )

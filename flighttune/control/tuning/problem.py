@@ -15,6 +15,7 @@ from flighttune.control.gains import NO_FEEDBACK, PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.control.theory import indicators, lyapunov, reachable
+from flighttune.control.tuning.noise import Noise
 
 # Default bound on the size of every gain: the problem has no optimum among unbounded gains
 LARGEST_GAIN = 1e3
@@ -66,6 +67,9 @@ class TuningProblem:
         With "decay" and "rms": seek the gains' inner feedback too.
     gusts : ndarray, shape (p,), optional, rad/s
         Airspeed divided by the scale of the Dryden gusts for each error; needed with "rms".
+    noise : Noise, optional
+        With "rms": gusts and estimation errors whose rms tracking error is minimised under bounds
+        on the rates of the commands, instead of `gusts` alone.
     weights : tuple of ndarray, shapes (p,) and (m,), optional
         Weights of errors and commands: minimise the quadratic cost from `x_0` instead of maximising
         R_K.
@@ -101,6 +105,7 @@ class TuningProblem:
     sensitivity_max: float = math.inf
     feedback: bool = False
     gusts: FloatArray | None = None
+    noise: Noise | None = None
     weights: tuple[FloatArray, FloatArray] | None = None
     R_min: float = 0.0
 

@@ -14,6 +14,7 @@ from flighttune.base.words import pick
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loops
 from flighttune.control.theory.indicators import indicators
+from flighttune.control.tuning.noise import Rms
 from flighttune.control.tuning.problem import TuningProblem, quadratic_cost
 
 if TYPE_CHECKING:
@@ -131,6 +132,8 @@ class TuningResult(Answering):
         If the problem bounds it: the largest sensitivity of the loop at its commands.
     errors_in_gusts : sequence of float or None, length p
         With the objective "rms": rms of each error, relative to the rms of the gusts' angle.
+    in_noise : Rms or None
+        If the problem has `noise`: rms of the errors, and of the rates of the commands.
 
     Examples
     --------
@@ -162,6 +165,7 @@ class TuningResult(Answering):
     bound: "RateBound | None" = None
     sensitivity: float | None = None
     errors_in_gusts: Sequence[float] | None = None
+    in_noise: Rms | None = None
 
     @property
     def solved(self) -> bool:

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
-from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback, measured_rows
+from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback
 from flighttune.control.theory.lyapunov import solution_of_checked
+from flighttune.control.tuning.noise import NoisyLoop, Responses, Rms
 from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.program import UNSTABLE_LOG
 
@@ -22,7 +23,7 @@ LAST_START = (1.0, 0.0)  # decays fast enough: tried where all others end too sl
 # Gains of the smallest errors in turbulence must decay at this share of the rate of the largest
 # R_K. Without this bound the search would drop the integrals; the whole rate costs 3 to 4 % of ITAE
 # in wind.
-LEAST_DECAY, DECAY_ROUNDING = 0.5, 1e-2
+LEAST_DECAY, DECAY_ROUNDING, RATE_ROUNDING = 0.5, 1e-2, 1e-3
 
 # Penalty of a simplex search on the logarithm of sensitivity beyond the bound; the search is
 # restarted from its last point.
@@ -73,7 +74,7 @@ def searched(
         for tightening in range(MAX_TIGHTENINGS):
             z = search.end(z, room, restarts=RESTARTS if tightening == 0 else 1)
             if (missed := search.peaks(z, search.fine).max() - search.limit) <= 0.0:
-                if search.decays(z):
+                if search.decays(z) and search.is_calm(z):
                     answers.append((float(search.costs(z).max()), z))
                 else:
                     too_slow = True
@@ -95,6 +96,8 @@ class _Search:
         self._aim, self.limit = first.objective, math.log(first.sensitivity_max)
         self._coarse, self.fine = ([Peaks(case, n) for case in problems] for n in (GRID, FINE))
         self._loops = [GustLoop(case) for case in problems]
+        noisy = [(case.model, case.noise) for case in problems if case.noise is not None]
+        self._noisy = [NoisyLoop(*each) for each in noisy if self._aim == "rms"]
         ends = np.sort(first.k_bounds / k, axis=0)
         low, high = np.append(np.maximum(ends[0], 0.0), 0.0), np.append(ends[1], MOST_FEEDBACK)
         self._bounds = np.column_stack([low, high])[: len(k) + first.feedback]
@@ -117,15 +120,29 @@ class _Search:
         return np.concatenate([each.logs(*self.parts(z)) for each in frequencies])
 
     def costs(self, z: FloatArray) -> FloatArray:
-        """Costs to minimise: minus the decay, or the logarithm of the errors of each model."""
+        """Costs to minimise: minus the decay, or the logarithms of the errors of each model."""
         free, fed = self.parts(z)
         poles = self._rates(z)
         if self._aim == "decay":
             return poles[-1:]
         if poles[-1] >= 0.0:
             return np.full(len(self._loops), UNSTABLE_LOG)
+        if self._noisy:
+            return np.concatenate([np.log(rms.errors) for rms in self._rms(z)])
         errors = GustLoop.largest_error if self._aim == "E_K" else GustLoop.errors
         return np.log([np.max(errors(loop, self._first.K(free), fed)) for loop in self._loops])
+
+    def _rms(self, z: FloatArray) -> list[Rms]:
+        """Errors and command rates of each model in its noise."""
+        free, fed = self.parts(z)
+        return [loop.rms(self._first.K(free), fed) for loop in self._noisy]
+
+    def calmness(self, z: FloatArray) -> FloatArray:
+        """Shares of the bounds on the command rates that each model leaves."""
+        if not self._noisy:
+            return np.empty(0)
+        bound = self._noisy[0].noise.rates_max
+        return np.concatenate([1.0 - rms.rates / bound for rms in self._rms(z)])
 
     def _rates(self, z: FloatArray) -> FloatArray:
         """Real parts of the poles of all models, the largest last."""
@@ -137,6 +154,10 @@ class _Search:
     def decays(self, z: FloatArray) -> bool:
         """Whether the slowest pole is fast enough, which a search that fails may forget."""
         return bool(self._rates(z)[-1] <= (1.0 - DECAY_ROUNDING) * self._slowest)
+
+    def is_calm(self, z: FloatArray) -> bool:
+        """Whether the rms rates of the commands are within their bounds."""
+        return bool((self.calmness(z) >= -RATE_ROUNDING).all())
 
     def end(self, z: FloatArray, room: float, *, restarts: int) -> FloatArray:
         """The end of a search from `z`, with `room` to the logarithm of the largest sensitivity."""
@@ -157,7 +178,7 @@ class _Search:
 
         def slack(y: FloatArray) -> FloatArray:
             z, bound = y[:-1], y[-1]  # bound on the costs, which have a kink where two are equal
-            left = bound - self.costs(z), self._slowest - self._rates(z)
+            left = bound - self.costs(z), self._slowest - self._rates(z), self.calmness(z)
             return np.concatenate([*left, most - self.peaks(z, self._coarse)])
 
         y = minimize(
@@ -183,20 +204,12 @@ class Peaks:
         poles = np.abs(np.linalg.eigvals(model.A))
         fastest = float(poles.max(initial=1.0))
         slowest = float(poles[poles > 1e-6 * fastest].min(initial=fastest))
-        omega = np.geomspace(SLOWER * min(slowest, 1.0), FASTER * fastest, count)[:, None, None]
-        x = np.linalg.solve(
-            1j * omega * np.eye(len(model.A)) - model.A,
-            np.broadcast_to(model.B, (count, *model.B.shape)),
-        )
-        # The sign is minus because errors fall with the commands.
-        G, self._followed = -model.C @ x, measured_rows(model) @ x
-        # A stacked gain (K_P, K_I) acts on G and on its integral.
-        self._GI = np.concatenate([G, G / (1j * omega)], axis=1)
+        omega = np.geomspace(SLOWER * min(slowest, 1.0), FASTER * fastest, count)
+        self._responses = Responses.of(model, omega)
 
     def logs(self, k: FloatArray, feedback: FloatArray) -> FloatArray:
         """Logarithms of the peaks, with the inner feedback (shape (m,)) of each command."""
-        L = (1.0 + feedback)[:, None] * (self._problem.K(k) @ self._GI)
-        L = np.eye(L.shape[-1]) + L + feedback[:, None] * self._followed
+        L = self._responses.returned(self._problem.K(k), feedback)
         if L.shape[-1] == 1:
             return -np.log(np.abs(L).ravel())
         # the largest singular value of an inverse

@@ -51,6 +51,14 @@ class TuningTable(q.Table):
     # smallest rms error in the turbulence; the last three on the identified model
     objective: Literal["R_K", "cost", "decay", "E_K", "rms"] = "R_K"
     feedback: bool = False  # true: gains on measured roll and load factor too, with decay and rms
+    # With rms: gains for light gusts and the estimation errors of this grade of [navigation]: the
+    # smallest rms errors under `command_rate_max`. None if left out: in gusts alone
+    navigation: Literal["rtk", "standard", "poor"] | None = None
+    # Largest rms rates of roll (deg/s) and of the load factor (1/s), with `navigation`; a fixed
+    # share of the rate limits if left out
+    command_rate_max: Annotated[list[q.PositiveRate], Field(min_length=2, max_length=2)] | None = (
+        None
+    )
     # Bound for each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66
     sensitivity_max: Annotated[float, Field(gt=1.0)] | None = None
     error_weights: Weights | None = None  # weights of chi and gamma, with cost; ones if left out
@@ -77,6 +85,10 @@ class TuningTable(q.Table):
         shaped = self.objective in SHAPED
         if self.objective not in ("decay", "rms"):
             self.must_lack('without objective = "decay" or "rms"', "feedback")
+        if self.objective != "rms":
+            self.must_lack('without objective = "rms"', "navigation")
+        if self.navigation is None:
+            self.must_lack("without `navigation`", "command_rate_max")
         if shaped and self.model != "identified":
             raise ValueError(
                 f'`model` must be "identified" or absent with objective = "{self.objective}", got '

@@ -37,8 +37,8 @@ class ScenarioKeys(Table):
     seed: Seed = 0  # seed of turbulence, sensor noise and tuning
     # The laws: a name, or a list of names or tables; the paper's law if left out
     law: Laws | None = None
-    # names (paper, K1 to K6, tuned, tuned_identified, tuned_fed_back), files beside the scenario,
-    # or tables
+    # names (paper, K1 to K6, tuned, tuned_identified, tuned_fed_back, tuned_gentle), files beside
+    # the scenario, or tables
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
     flight: FlightTable
     reference: ReferenceTable | None = None

@@ -9,7 +9,7 @@ from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import abridged
 from flighttune.base.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.control.gains import COMMANDS, paper_family
-from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.control.gains_keys import TUNED, TUNED_FOR_AIRCRAFT
 from flighttune.flight.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.flight.scenario.keys import ScenarioKeys
 
@@ -59,7 +59,7 @@ def _named(scenario: ScenarioKeys, key: str) -> tuple[Table, str, str]:
 
 def gains_are_known(scenario: ScenarioKeys) -> Iterator[str]:
     """Gains without numbers must be the paper's or tuned."""
-    available = [TUNED, *paper_family(), TUNED_IDENTIFIED, TUNED_FED_BACK]
+    available = [TUNED, *paper_family(), *reversed(TUNED_FOR_AIRCRAFT)]
     for entry in scenario.gains:
         if isinstance(entry, str) and entry not in available:
             yield (
@@ -81,7 +81,7 @@ def input_limits_are_those_of_commands(scenario: ScenarioKeys) -> Iterator[str]:
 
 def an_identified_model_is_named(scenario: ScenarioKeys) -> Iterator[str]:
     """Gains tuned on an identified model need the model."""
-    on_identified = TUNED_IDENTIFIED in scenario.gains or TUNED_FED_BACK in scenario.gains
+    on_identified = any(name in scenario.gains for name in TUNED_FOR_AIRCRAFT)
     if on_identified or scenario.tuning.model == "identified":
         try:
             _ = scenario.identified_name
@@ -239,7 +239,9 @@ RULES: tuple[Rule, ...] = (
     needs(
         "turbulence",
         'with objective = "rms" of [tuning]: calm air has no spectrum',
-        when=lambda scenario: scenario.tuning.objective == "rms",
+        when=lambda scenario: (
+            scenario.tuning.objective == "rms" and scenario.tuning.navigation is None
+        ),
     ),
     an_identified_model_is_named,
     names_differ,

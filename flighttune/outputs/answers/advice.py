@@ -7,7 +7,7 @@ import numpy as np
 
 from flighttune.base.units import DEG
 from flighttune.control.gains import PAPER_SPEED, paper_family
-from flighttune.control.gains_keys import TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.control.gains_keys import TUNED_FOR_AIRCRAFT, TUNED_IDENTIFIED
 from flighttune.flight.flown import bound_checks
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import measures
@@ -93,9 +93,7 @@ def ways_of(
         ):
             yield f"gains that meet it on the aircraft too, `flighttune meet {source}`"
     gains = made_by.listed
-    better = not {TUNED_IDENTIFIED, TUNED_FED_BACK} & {
-        x for x in scenario.gains if isinstance(x, str)
-    }
+    better = not {*TUNED_FOR_AIRCRAFT} & {x for x in scenario.gains if isinstance(x, str)}
     if better and gains in paper_family() and abs(V_a / PAPER_SPEED - 1.0) > OTHER_AIRSPEED:
         yield f"`{TUNED_IDENTIFIED}` in `gains`, as {gains} is meant for {PAPER_SPEED:g} m/s"
     strayed = (run.signals["V_a"] / V_a - 1.0).abs().max() > OTHER_AIRSPEED

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.words import pick
+from flighttune.base.units import DEG
+from flighttune.base.words import listed, pick
 from flighttune.control.gains import gains_lists
 from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import loop_margins
+from flighttune.control.tuning.noise import Noise, Rms
 from flighttune.control.tuning.result import TuningResult
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.labels import columns
@@ -54,6 +56,8 @@ def answer(result: TuningResult) -> Answer:
         **pick(result, "status reason R_K I_K E_K cost spectral_abscissa active"),
         **pick(result, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
         **pick(result, "tuned_for sensitivity errors_in_gusts"),
+        "in_noise": result.in_noise
+        and {"errors_rad": result.in_noise.errors, "rates": result.in_noise.rates},
         "scaling": result.problem.scaling,
         "diagnosis": nearest,
         **gains_lists(result.gains),
@@ -107,7 +111,20 @@ def bounds_in_words(result: TuningResult) -> list[str]:
     if result.errors_in_gusts:
         shares = ", ".join(f"{share:.3f}" for share in result.errors_in_gusts)
         words.append(f"The rms errors in turbulence over that of the gusts' angle are {shares}.")
+    if result.in_noise and result.problem.noise:
+        words.append(_in_noise(result.in_noise, result.problem.noise))
     return words
+
+
+def _in_noise(rms: Rms, noise: Noise) -> str:
+    """Errors and command rates in gusts and estimation errors."""
+    errors = listed([f"{error:.3g}" for error in rms.errors[:2] / DEG])
+    roll, lift = rms.rates[:2]
+    used = listed([f"{share:.0%}" for share in rms.rates[:2] / noise.rates_max[:2]])
+    return (
+        f"In light gusts with estimation errors the rms errors are {errors} deg. The rms rates of "
+        f"the commands are {roll / DEG:.3g} deg/s and {lift:.3g} 1/s, {used} of their bounds."
+    )
 
 
 def frontier_chart(

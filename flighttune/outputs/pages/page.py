@@ -12,7 +12,7 @@ from flighttune.base.words import listed, pick
 from flighttune.claims.band import Band
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
-from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_GENTLE, TUNED_IDENTIFIED
 from flighttune.control.tuning.tune import frontier
 from flighttune.flight.flown import check_claim
 from flighttune.flight.loop.run import COULD_NOT_SAY, Run
@@ -296,6 +296,7 @@ def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         TUNED: tuned,
         TUNED_IDENTIFIED: identified,
         TUNED_FED_BACK: "least errors in turbulence on the identified aircraft, fed back",
+        TUNED_GENTLE: "least errors under bounds on command rates on the identified aircraft",
     }
     names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
     sets = (f"{origins[name]} ({name})" if name in origins else name for name in names)

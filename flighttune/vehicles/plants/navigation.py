@@ -196,6 +196,28 @@ class Navigation:
         airspeed = math.hypot(self.airspeed_scale_sd * V_a, self.airspeed_sd, self.airspeed_noise)
         return across / V_a, up / V_a, airspeed / V_a
 
+    def densities(self, omega: FloatArray, dt: float, V_a: float) -> dict[str, FloatArray]:
+        """Power spectral densities, shape (k,), whose integral over `omega` is the variance.
+
+        `omega`: angular frequencies up to pi over `dt`, rad/s, shape (k,). ``chi`` and ``gamma``
+        are those of course and path angle (rad^2 s) at an airspeed of `V_a` (m/s), ``V_a`` of the
+        airspeed relative to it, ``phi`` of roll and ``n_z`` of the load factor. Constant errors,
+        such as biases, are left out.
+        """
+        axis, vertical = axes(replace(self, seed=0, fault=None), dt)
+        per_s = dt / math.pi
+        _, across, tilt = axis.spectrum(omega * dt) * per_s
+        _, climb = vertical.spectrum(omega * dt) * per_s
+        slow = _wander_density(omega, self.airspeed_sd, self.airspeed_time_constant)
+        airspeed = slow + _wander_density(omega, self.airspeed_noise, FAST_AIRSPEED_S)
+        return {
+            "chi": across / V_a**2,
+            "gamma": climb / V_a**2,
+            "V_a": airspeed / V_a**2,
+            "phi": tilt + _wander_density(omega, self.roll_noise, FAST_ROLL_S),
+            "n_z": np.full(len(omega), self.n_z_noise**2 * per_s),
+        }
+
     def wind_share(self, dt: float) -> float:
         """Share of the wind at a sample in its estimate."""
         return dt / (self.wind_lag + dt)
@@ -397,6 +419,32 @@ class Axis:
         of_modes = factors, errors, np.linalg.inv(errors)
         return tuple(np.asarray(x, dtype=np.complex128) for x in of_modes)
 
+    def spectrum(self, omega: FloatArray) -> FloatArray:
+        """Power spectral densities of the output errors, shape (shown, k).
+
+        `omega`: angular frequencies from 0 to pi, rad per sample, shape (k,). The integral of a
+        density over them is pi times the variance of its error, averaged over a period.
+        """
+        n, L, identity = len(self.before), self.every, np.eye(len(self.before))
+        m = n - len(self.slow)
+        decays = np.diag([1.0] * m + [decay for _, decay in self.slow])
+        fresh = identity[:, m:] * [sd * math.sqrt(1.0 - decay**2) for sd, decay in self.slow]
+        driven = identity[:, [*self.driven]] * [*self.driven.values()]
+        # The state to which each noise of unit variance leads after the sample in which it enters
+        first = np.hstack([self.noise, self.fix @ driven, self.fix @ fresh])
+        entries = [self.after @ x for x in (first, *[driven] * (L - 1))]
+        back = np.exp(-1j * np.outer(omega, np.arange(L)))
+        whole = np.exp(1j * L * omega)[:, None, None] * identity - decays @ self.maps[-1]
+        of_periods = np.tensordot(back, self.maps, 1) @ np.linalg.solve(whole, decays + 0j)
+        total = np.zeros((self.shown, len(omega)))
+        for i, entry in enumerate(entries):
+            states = [entry]
+            while len(states) < L - i:
+                states.append(self.after @ self.before @ states[-1])
+            shown = np.tensordot(back[:, i:], states, 1) + of_periods @ states[-1]
+            total += np.sum(np.abs(shown[:, : self.shown]) ** 2, axis=2).T
+        return total / L
+
     def drawn(self, samples: int, *rngs: np.random.Generator) -> FloatArray:
         """Errors of the output at each sample, by generator, shape (rngs, shown, samples)."""
         n, q, r, w = len(self.before), len(self.slow), self.noise.shape[1], len(self.driven)
@@ -456,6 +504,11 @@ def _sum_of(row: Sequence[float], values: Sequence[Any]) -> Any:
     for part in parts[1:]:
         total = total + part
     return total
+
+
+def _wander_density(omega: FloatArray, sd: float, tau: float) -> FloatArray:
+    """Density of a first-order Gauss-Markov process over angular frequencies (rad/s)."""
+    return 2.0 / math.pi * sd**2 * tau / (1.0 + (omega * tau) ** 2)
 
 
 def wander(white: FloatArray, sd: float, decay: float, start: Any = None) -> FloatArray:
