@@ -36,6 +36,7 @@ from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.outputs.drawing.templates import page_template
+from flighttune.outputs.exports.needs import needs
 from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.follow import (
     APPROACH,
@@ -232,6 +233,7 @@ def _write_readme(entry: Entry, file: Path, own: Mapping[str, Any]) -> None:
     scenario = entry.scenario
     text = _README.read_text(encoding="utf-8").format(
         **own,
+        needs=" ".join(needs(entry)),
         title=printable(scenario.title),
         gains=entry.name,
         version=version("flighttune"),

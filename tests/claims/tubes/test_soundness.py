@@ -153,7 +153,7 @@ THREE_DIGITS = 5e-4
 @pytest.mark.parametrize(
     ("name", "half_widths"),
     [
-        ("exact:tuned_fed_back", (0.073, 0.076)),
+        ("exact:tuned_fed_back", (0.069, 0.076)),
         ("tuned_identified", (0.185, 0.180)),
         ("exact:tuned_identified", (0.111, 0.116)),
     ],

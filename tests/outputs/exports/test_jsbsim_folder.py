@@ -309,7 +309,10 @@ def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
 
     said = "JSBSim's flight is not that of `flighttune fly`: phi differs first, at t = 0.02 s"
     assert said in err
-    assert said in (tmp_path / "out/README.md").read_text(encoding="utf-8")
+    readme = (tmp_path / "out/README.md").read_text(encoding="utf-8")
+    assert said in readme
+    for needed in ("by an inertial filter", "moves the roll command by", "s more delay"):
+        assert needed in readme
     assert out == ""
 
 
