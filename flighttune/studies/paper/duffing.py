@@ -1,4 +1,4 @@
-"""The Duffing oscillator of the paper, Theorem 1 on it, and the experiments of figure 3.
+"""The Duffing oscillator of the paper, Theorem 1 on it, and the experiments of figure 1.
 
 ``x1' = x2, x2' = -delta x2 - alpha x1 - beta x1^3 + d`` with ``|d| <= L_d``. P solves the Lyapunov
 equation ``J(0)' P + P J(0) + I = 0``, so that epsilon at the origin is one.
@@ -171,7 +171,7 @@ def along_the_motion(model: Duffing) -> FloatArray:
 
 
 class DuffingCases:
-    """Figure 3, computed on demand."""
+    """Figure 1, computed on demand."""
 
     model = Duffing(**printed.DUFFING_A)  # the oscillator of (a)
 
@@ -184,7 +184,7 @@ class DuffingCases:
 
     @cached_property
     def disturbed(self) -> dict[str, DuffingCase]:
-        """Figure 3 (a) under the assumed noise, and under the hardest allowed disturbances."""
+        """Figure 1 (a) under the assumed noise, and under the hardest allowed disturbances."""
         disturbances = {
             "noise": self.noise,
             "constant L_d": np.full((INTERVALS, 1), printed.DUFFING_L_D),
@@ -194,12 +194,12 @@ class DuffingCases:
 
     @cached_property
     def undisturbed(self) -> DuffingCase:
-        """Figure 3 (a) without disturbance."""
+        """Figure 1 (a) without disturbance."""
         return DuffingCase(self.model, np.zeros((INTERVALS, 1)))
 
     @cached_property
     def family(self) -> dict[float, DuffingCase]:
-        """Figure 3 (b) to (d): the oscillators of the assumed set, by alpha."""
+        """Figure 1 (b) to (d): the oscillators of the assumed set, by alpha."""
         delta = printed.DUFFING_A["delta"]
         return {
             alpha: DuffingCase(Duffing(alpha=alpha, beta=alpha / 2.0, delta=delta), self.noise)

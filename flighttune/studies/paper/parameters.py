@@ -1,8 +1,7 @@
 """Numbers printed in the paper, and the few assumed numbers that it does not print.
 
-Printed numbers come from arXiv 2411.13140; a name tells the table or figure. Items have the names
-of the figure labels in the paper's source; in print the figures are numbered 1 to 10 in order of
-appearance.
+Printed numbers come from arXiv 2411.13140; a name tells the table or figure. Figures, tables and
+equations are numbered as in its PDF.
 """
 
 import math
@@ -95,16 +94,16 @@ def disturbance(name: str) -> Sinusoid:
     return Sinusoid(chi_amplitude=L_d, chi_omega=omega, gamma_amplitude=L_d, gamma_omega=omega)
 
 
-# Figure 3 (a): the oscillator.
+# Figure 1 (a): the oscillator.
 DUFFING_A = {"alpha": 0.5, "beta": 0.25, "delta": 1.5}
 
-# Figure 3 (a): bound on the disturbance.
+# Figure 1 (a): bound on the disturbance.
 DUFFING_L_D = 2.5
 
 # Assumed start of the oscillator.
 DUFFING_X_0 = (1.5, 0.0)
 
-# Assumed set of figure 3 (b) to (d); beta is alpha / 2 and delta is equal, as in (a).
+# Assumed set of figure 1 (b) to (d); beta is alpha / 2 and delta is equal, as in (a).
 DUFFING_ALPHAS = (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
 
 # Assumed noise: hold time, s, number of runs, and seed.

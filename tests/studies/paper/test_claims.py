@@ -147,7 +147,7 @@ def test_every_claim_is_judged_somewhere():
 
 
 def test_the_numbers_of_the_paper_are_those_that_it_prints():
-    """Tables 1 to 3 and section 5.2 of arXiv 2411.13140, and what is assumed of figure 3."""
+    """Tables 1 to 3 and section 5.2 of arXiv 2411.13140, and what is assumed of figure 1."""
     limits, turn = printed.printed_limits(), math.pi
     assert (printed.V_A, printed.G, printed.DURATION) == (25.0, 9.81, 20.0)
     assert printed.E_0 == pytest.approx([-turn / 3.0, turn / 12.0 - turn / 4.0])

@@ -39,7 +39,7 @@ class Made:
 class Item:
     """A reproducible table or figure of the paper."""
 
-    name: str  # name on the command line: the label in the paper's source
+    name: str  # name on the command line: its number in the PDF
     title: str
     printed: str  # its place in the paper
     make: Callable[[Study], Made]  # computes the item from a study
@@ -49,6 +49,11 @@ class Item:
     outcome: list[str]  # the results, one sentence each, with braces for the numbers of `Made`
     captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
 
+    @property
+    def heading(self) -> str:
+        """Its number in the PDF, and its title."""
+        return f"{self.printed.partition(',')[0]}: {self.title}"
+
     def filled_in(self, text: str, output: Made) -> str:
         """A caption or sentence with the computed numbers."""
         return text.format(printed=printed, values=output.values, **output.numbers)
@@ -56,7 +61,7 @@ class Item:
     def text(self, output: Made) -> str:
         """The short text of the item, Markdown."""
         assumed = ["{what}: {taken}. Why: {why}.".format(**choice) for choice in self.assumed]
-        parts = [f"# {self.name}: {self.title}\n\n{self.printed} of arXiv 2411.13140.\n"]
+        parts = [f"# {self.heading}\n\n{self.printed} of arXiv 2411.13140.\n"]
         for title, lines in (
             ("What comes out", [self.filled_in(line, output) for line in self.outcome]),
             ("Parameters", self.parameters),

@@ -120,7 +120,7 @@ def _over_time(
     return charts
 
 
-def fig5(study: Study) -> Made:
+def fig3(study: Study) -> Made:
     """Draw errors and rates with K*, and the peaks against the values in the text."""
     flight, looks = study.flights[STAR], {STAR: (INK, "")}
     profiles, peaks = (_over_time({STAR: flight}, looks, x) for x in (PROFILES, ("chi", "gamma")))
@@ -130,13 +130,13 @@ def fig5(study: Study) -> Made:
         height, when = flight.peak(channel)
         chart.points(when, height, CHI, size=4.5, name=f"peak {height:.3f} rad at {when:.2f} s")
     return Made(
-        figures={"fig5": sheet(profiles), "fig5_peak_time": sheet(peaks)},
-        tables={"fig5": _history({"": flight})},
+        figures={"fig3": sheet(profiles), "fig3_peak_time": sheet(peaks)},
+        tables={"fig3": _history({"": flight})},
         values=flight.measures.loc[list(PROFILES), MEASURES].to_dict("index"),
     )
 
 
-def fig12(study: Study) -> Made:
+def fig4(study: Study) -> Made:
     """Draw the commands with K*, and the effect of the printed rate limits."""
     flight, readings = study.flights[STAR], {name: study.readings[name] for name in READING_LOOKS}
     looks = {"after limits": (INK, ""), "before limits": (NEUTRAL, "")}
@@ -150,14 +150,14 @@ def fig12(study: Study) -> Made:
     anti_windup = readings["with rate limits and anti-windup"].converged
     return Made(
         figures={
-            "fig12": sheet(
+            "fig4": sheet(
                 _command_charts(flight.t, commands, looks), legend=[*_named(looks), PRINTED_RANGE]
             ),
-            "fig12_rate_limits": sheet(read, legend=[*_named(READING_LOOKS), PRINTED_RANGE]),
+            "fig4_rate_limits": sheet(read, legend=[*_named(READING_LOOKS), PRINTED_RANGE]),
         },
         tables={
-            "fig12": _history({"": flight}),
-            "fig12_rate_limits": _history({k.replace(" ", "_"): x for k, x in readings.items()}),
+            "fig4": _history({"": flight}),
+            "fig4_rate_limits": _history({k.replace(" ", "_"): x for k, x in readings.items()}),
         },
         values={
             "largest_phi_rad": phi,
@@ -201,23 +201,23 @@ def _command_charts(
     return charts
 
 
-def fig8(study: Study) -> Made:
+def fig5(study: Study) -> Made:
     """Draw errors and rates with K1 to K6 and K*."""
     looks = {name: (base.GAIN_COLOURS[name], "") for name in study.flights}
     rows = study.indicators.items()
     legend = [(f"{name}: R_K {x.R_K:.3f}, I_K {x.I_K:.2f}", *looks[name]) for name, x in rows]
     return Made(
-        figures={"fig8": sheet(_over_time(study.flights, looks, PROFILES), legend=legend)},
+        figures={"fig5": sheet(_over_time(study.flights, looks, PROFILES), legend=legend)},
         tables={
-            "fig8": _history(study.flights, commands=False),
-            "fig8_measures": _measures_table(study.by_gains),
+            "fig5": _history(study.flights, commands=False),
+            "fig5_measures": _measures_table(study.by_gains),
         },
         values=_measures_of(study.by_gains),
         numbers=_at_ends(study.of_gains("chi", "ITAE")),
     )
 
 
-def fig11(study: Study) -> Made:
+def fig9(study: Study) -> Made:
     """Draw errors and rates with K* under d1 to d9, and the errors after 20 s enlarged."""
     flights = study.disturbed
     looks = {name: (AMPLITUDE_COLOURS[L], OMEGA_DASHES[w]) for name, (L, w) in TABLE_3.items()}
@@ -232,10 +232,10 @@ def fig11(study: Study) -> Made:
         for channel in ("chi", "gamma"):
             values[name][channel]["largest_after_20_s_rad"] = flight.after(channel, DURATION)
     return Made(
-        figures={"fig11": sheet(whole, legend=legend), "fig11_after": sheet(later, legend=legend)},
+        figures={"fig9": sheet(whole, legend=legend), "fig9_after": sheet(later, legend=legend)},
         tables={
-            "fig11": _history(flights, commands=False),
-            "fig11_measures": _measures_table(study.by_disturbance),
+            "fig9": _history(flights, commands=False),
+            "fig9_measures": _measures_table(study.by_disturbance),
         },
         values=values,
     )
@@ -269,7 +269,7 @@ def _over_R_K(study: Study, measures: dict[str, str], channels: Sequence[str]) -
     return sheet(charts, legend=_legend(channels))
 
 
-def fig7(study: Study) -> Made:
+def fig6(study: Study) -> Made:
     """Draw ITAE, MO and PT against R_K."""
     R_K = study.indicator("R_K")
     trends = {
@@ -279,25 +279,25 @@ def fig7(study: Study) -> Made:
         for measure in FIG_7
     }
     return Made(
-        figures={"fig7": _over_R_K(study, FIG_7, PROFILES)},
-        tables={"fig7": _measures_table(study.by_gains)},
+        figures={"fig6": _over_R_K(study, FIG_7, PROFILES)},
+        tables={"fig6": _measures_table(study.by_gains)},
         values={"measures": _measures_of(study.by_gains), "rank_correlation_with_R_K": trends},
     )
 
 
-def fig13(study: Study) -> Made:
+def fig7(study: Study) -> Made:
     """Draw MS and ST of s_chi and s_gamma against R_K."""
     channels = ["s_chi", "s_gamma"]
     of_both = study.by_gains.loc[(slice(None), channels), :]
     return Made(
-        figures={"fig13": _over_R_K(study, FIG_13, channels)},
-        tables={"fig13": _measures_table(of_both)},
+        figures={"fig7": _over_R_K(study, FIG_13, channels)},
+        tables={"fig7": _measures_table(of_both)},
         values=_measures_of(of_both),
         numbers=_at_ends(study.of_gains("s_gamma", "MS_rad")),
     )
 
 
-def fig9(study: Study) -> Made:
+def fig8(study: Study) -> Made:
     """Draw means and deviations over the whole flight, against R_K above and I_K below."""
     charts = [
         _over(study, indicator, measure, channels, title=title, y=label)
@@ -310,8 +310,8 @@ def fig9(study: Study) -> Made:
         deviation = study.of_gains(channel, "std").to_list()
         deviations[channel] = deviation[0], min(deviation), deviation[-1]
     return Made(
-        figures={"fig9": sheet(charts, legend=_legend(PROFILES))},
-        tables={"fig9": _measures_table(study.by_gains)},
+        figures={"fig8": sheet(charts, legend=_legend(PROFILES))},
+        tables={"fig8": _measures_table(study.by_gains)},
         values={"measures": _measures_of(study.by_gains), "spread_of_mean_rates": spread},
         numbers=deviations,
     )

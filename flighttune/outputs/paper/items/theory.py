@@ -29,13 +29,13 @@ NEAREST = "smallest I_K within the input constraints"
 GAIN_SET_COLOURS = {STAR: INK, OPTIMUM: base.GREEN, NEAREST: base.MAGENTA}
 
 
-def fig3(study: Study) -> base.Made:
+def fig1(study: Study) -> base.Made:
     """Draw panels (a) to (d) and the region."""
     duffing, cases = study.duffing, study.duffing.table.reset_index()
     noisy, strips = duffing.disturbed["noise"], _strips(duffing.model)
     return base.Made(
-        figures={"fig3": _oscillator_panels(duffing), "fig3_region": _region(duffing, strips)},
-        tables={"fig3": _time_histories(duffing), "fig3_cd": cases, "fig3_region": strips},
+        figures={"fig1": _oscillator_panels(duffing), "fig1_region": _region(duffing, strips)},
+        tables={"fig1": _time_histories(duffing), "fig1_cd": cases, "fig1_region": strips},
         values={
             **dict(zip(("R_f", "I_f"), noisy.theorem, strict=True)),
             "region_half_width": duffing.model.region,
@@ -296,7 +296,7 @@ def _table2_panels(study: Study, table: pd.DataFrame) -> Sheet:
     return base.sheet(charts)
 
 
-def fig6(study: Study) -> base.Made:
+def fig2(study: Study) -> base.Made:
     """Draw the eigenvalues of A_K(0) with K*, and the disturbance."""
     values, t = study.indicators[STAR].eigenvalues, np.linspace(0.0, DURATION, 401)
     disturbance = printed.disturbance(printed.PRINTED_DISTURBANCE)
@@ -310,10 +310,10 @@ def fig6(study: Study) -> base.Made:
     history.line(t, d_chi, base.CHI, name="d_χ")
     history.line(t, d_gamma, base.GAMMA, name="d_γ")
     return base.Made(
-        figures={"fig6": base.sheet([plane, history])},
+        figures={"fig2": base.sheet([plane, history])},
         tables={
-            "fig6": eigenvalues,
-            "fig6_b": pd.DataFrame({"t_s": t, "d_chi_radps": d_chi, "d_gamma_radps": d_gamma}),
+            "fig2": eigenvalues,
+            "fig2_b": pd.DataFrame({"t_s": t, "d_chi_radps": d_chi, "d_gamma_radps": d_gamma}),
         },
         values={
             "eigenvalues": eigenvalues.to_numpy().tolist(),
