@@ -43,7 +43,7 @@ def answer(comparison: Comparison) -> Answer:
             "max_distance_m": comparison.max_distance,
             **pick(comparison, "unpaired missing"),
         },
-        summary=[judged(comparison, place) for place in range(len(comparison.pairs[:JUDGED]))],
+        summary=verdicts(comparison),
         changed=[
             *differs,
             *(f"Missing: {line}." for line in comparison.missing),
@@ -58,6 +58,11 @@ def answer(comparison: Comparison) -> Answer:
         failure=comparison.reason,
         status=2,
     )
+
+
+def verdicts(comparison: Comparison) -> list[str]:
+    """A sentence on each of the first pairs."""
+    return [judged(comparison, place) for place in range(len(comparison.pairs[:JUDGED]))]
 
 
 def judged(comparison: Comparison, place: int) -> str:

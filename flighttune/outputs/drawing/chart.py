@@ -59,6 +59,9 @@ SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tsp
 # Attribute of a text that names its neighbour.
 NAMED = ' class="named"'
 
+# Attribute of a label on an axis, which a page writes anew when it zooms in.
+TICK = ' class="tick"'
+
 
 @cache
 def style() -> str:
@@ -113,9 +116,7 @@ class Chart:
     ) -> None:
         """Draw a line through points, broken at NaN, of at most `most` points with every peak."""
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
-        # a path may have several values at one x
-        label = (run or name) if hover and not self.equal else ""
-        look = _stroke(colour, width, dash) + _owner(run, label)
+        look = _stroke(colour, width, dash) + _owner(run, name, (run or name) if hover else "")
         self._add(_outline(xs, ys, look), (xs, ys), entry=(name, colour, dash))
 
     def run_line(
@@ -140,7 +141,8 @@ class Chart:
         ends[np.isnan(ends).any(axis=1)] = np.nan
         samples = peaks(ends, most=MAX_DRAWN)
         xs, (lows, highs) = xs[samples], ends[samples].T
-        look = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="0.16"{_owner(run)}'
+        look = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="0.16"'
+        look += _owner(run, name)
 
         def drawn(a: "_Axes") -> str:
             outlines = (
@@ -159,13 +161,14 @@ class Chart:
         """Fill a closed line and draw a thin outline, so that a narrow area is visible."""
         xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
         look = f' style="fill:{css_colour(colour)}" fill-opacity="0.3"{_stroke(colour, 0.6)}'
+        look += _owner("", name)
         self._add(_outline(xs, ys, look, "Z"), (xs, ys), entry=(name, colour, "band"))
 
     def level(
         self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "", name: str = ""
     ) -> None:
         """Draw a horizontal line across the chart, inside the y axis."""
-        look = _stroke(colour, 1.2, dash) + _owner(run)
+        look = _stroke(colour, 1.2, dash) + _owner(run, name)
         self._add(
             lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{look}/>',
             (np.array([np.nan]), np.array([value])),
@@ -195,7 +198,7 @@ class Chart:
         xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
         look = f' fill="{css_colour(colour)}" opacity="{opacity}"'
-        look += _stroke(colour, 1.6) + _owner(run)
+        look += _stroke(colour, 1.6) + _owner(run, name)
 
         def drawn(a: "_Axes") -> str:
             marks = []
@@ -260,14 +263,19 @@ class Chart:
         """Write text at a point, shifted by `shift` pixels to the right and down."""
 
         def drawn(a: "_Axes") -> str:
-            right, down = float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1]
-            return _label(right, down, text, NAMED, anchor=anchor)
+            px, py = float(a.sx(x)), float(a.sy(y))
+            look = f'{NAMED} data-at="{px:.1f},{py:.1f}"'
+            return _label(px + shift[0], py + shift[1], text, look, anchor=anchor)
 
         self._add(drawn, (np.array([x]), np.array([y])))
 
     def name_row(self, y: float, name: str) -> None:
         """Write the name of a row at the left edge, at a height of the y axis."""
-        self._add(lambda a: _label(2.0, float(a.sy(y)), name, NAMED))
+
+        def drawn(a: "_Axes") -> str:
+            return _label(2.0, py := float(a.sy(y)), name, f'{NAMED} data-at="left,{py:.1f}"')
+
+        self._add(drawn)
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
         """Name points (x, y, name) so that no name covers a point or another name."""
@@ -289,12 +297,12 @@ class Chart:
                 if box is None:  # two names in one place are unreadable
                     continue
                 occupied.append(box)
+                label = _label(box[0], box[1] + 10.0, name, NAMED)
                 if boxes.index(box) > 3:
                     near = box[0] if box[0] > x else box[2]
-                    parts.append(
-                        f'<path class="axis" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
-                    )
-                parts.append(_label(box[0], box[1] + 10.0, name, NAMED))
+                    leader = f"M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"
+                    label = f'<path class="axis" d="{leader}"/>{label}'
+                parts.append(f'<g data-at="{x:.1f},{y:.1f}">{label}</g>')
             return "".join(parts)
 
         self._add(drawn)
@@ -316,13 +324,13 @@ class Chart:
         for value, label in y_ticks:
             up = float(a.sy(value))
             grid += f"M0,{up:.1f}H{a.width:.1f}"
-            labels.append(_label(LEFT - 6.0, TOP + up + 4.0, label, anchor="end"))
+            labels.append(_label(LEFT - 6.0, TOP + up + 4.0, label, TICK, anchor="end"))
         for value, label in x_ticks:
             across = float(a.sx(value))
             grid += f"M{across:.1f},0V{a.height:.1f}"
             for row, part in enumerate(label.split("\n")):
                 down = TOP + a.height + 15.0 + 12.0 * row
-                labels.append(_label(LEFT + across, down, part, anchor="middle"))
+                labels.append(_label(LEFT + across, down, part, TICK, anchor="middle"))
         if self.y:
             turned = f"translate(12 {TOP + a.height / 2.0:.1f}) rotate(-90)"
             text = marked_up(self.y)
@@ -331,13 +339,16 @@ class Chart:
         ends = " ".join(f"{end:.6g}" for end in (*a.x, *a.y))
         log = "x" * a.log_x + "y" * a.log_y
         data = f'data-axes="{ends} {a.width:g} {a.height:g}" data-log="{log}"'
-        link = ' data-linked=""' if self.linked else ""
+        link = ' data-linked=""' * self.linked + ' data-equal=""' * self.equal
+        # a page that zooms in leaves positions with names of their own as they are
+        fixed = "x" * (self.x_ticks is not None) + "y" * (self.y_ticks is not None)
         names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
         size = f'x="{LEFT:g}" y="{TOP:g}" width="{a.width:g}" height="{a.height:g}"'
         axis = f"M0,0V{a.height:g}H{a.width:g}" if y_ticks else f"M0,{a.height:g}H{a.width:g}"
         return (
             f'<svg class="chart" viewBox="0 0 {WIDTH:g} {self.height:g}" role="img" '
-            f'aria-label="{escape(self.title)}" {data}{link} {names}>{"".join(labels)}'
+            f'aria-label="{escape(self.title)}" {data}{link} data-fixed="{fixed}" {names}>'
+            f"{''.join(labels)}"
             f'<svg class="plot" {size} overflow="hidden"><path class="grid" d="{grid}"/>'
             f'{"".join(mark(a) for mark in self._marks)}<path class="axis" d="{axis}"/></svg></svg>'
         )
@@ -510,7 +521,7 @@ def _path(x: FloatArray, y: FloatArray) -> str:
     for piece in _pieces(x, y):
         points = np.column_stack([x[piece], y[piece]])
         # One format for all points takes two thirds of the time of one per point.
-        parts.append("M" + " ".join(["%.1f,%.1f"] * len(points)) % tuple(points.ravel().tolist()))
+        parts.append("M" + " ".join(["%.1f,%.2f"] * len(points)) % tuple(points.ravel().tolist()))
     return "".join(parts)
 
 
@@ -533,10 +544,10 @@ def _stroke(colour: str, width: float, dash: str = "") -> str:
     return f' stroke="{css_colour(colour)}" stroke-width="{width:g}"{dashes}'
 
 
-def _owner(run: str, name: str = "") -> str:
-    """Attributes with the run of a mark, and its name under the pointer."""
-    owner = f' data-run="{escape(run)}"' if run else ""
-    return owner + (f' data-name="{escape(name)}"' if name else "")
+def _owner(run: str, part: str = "", name: str = "") -> str:
+    """Attributes with a mark's run, its entry in the chart's legend, its name under the pointer."""
+    named = {"run": run, "part": part, "name": name}
+    return "".join(f' data-{key}="{escape(text)}"' for key, text in named.items() if text)
 
 
 def dashes(style: LineStyle) -> str:

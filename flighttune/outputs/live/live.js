@@ -50,6 +50,7 @@
           if (at("said").className) say("");
           for (const [id, html] of Object.entries(pieces)) if (at(id).innerHTML !== html) at(id).innerHTML = html;
           forget();
+          dispatchEvent(new Event("drawn"));
           document.body.dataset.drawn = number;
         }
       }

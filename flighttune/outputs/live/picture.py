@@ -90,14 +90,15 @@ def pieces(now: Flown, beside: Beside) -> dict[str, str]:
     flown, styles, lines = now.flights, run_styles(now.flights.runs), beside.lines
     flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
     names = [(run.label, style) for run, style in (*flights, *lines)]
-    crowd = [x for i, one in enumerate(beside.cloud) for x in one.drawn(f"{i}", CLOUD)]
+    cloud = f"{len(beside.cloud)} aircraft that differ"
+    crowd = [x for one in beside.cloud for x in one.drawn(cloud, CLOUD)]
     early = [f"{x.label}: {x.outcome}." for x in flown.runs if x.status != "completed"]
     whole = {
         "about": panels.flown_in_words(flown.scenario, flown.runs),
         "claim": now.claim,
         "loop": [(x.heading, x.text(now.loop)) for x in columns(LOOP)] if now.loop else [],
         "sentences": [*early, *_differing(beside.cloud)],
-        "legend": [*names, *([(f"{len(crowd)} aircraft that differ", CLOUD)] if crowd else [])],
+        "legend": dict([*names, *((run.label, style) for run, style in crowd)]).items(),
         "charts": _charts([*crowd, *lines], flights, beside.fence) if flights else [],
         "requirements": [_requirement(x) for x in now.claim.bounds],
         "numbers": _tables({"now": now, **beside.ghosts}),

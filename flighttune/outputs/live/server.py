@@ -1,8 +1,6 @@
 """The server of the page: it answers this machine alone, and only requests with the token."""
 
 import asyncio
-import base64
-import hashlib
 import json
 import secrets
 import socket
@@ -32,9 +30,9 @@ from starlette.routing import Route
 from flighttune.base.errors import FlightTuneError, InputError, printable
 from flighttune.base.files.whole import reason_of
 from flighttune.base.screen import LOCAL
-from flighttune.outputs.drawing.chart import style
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.live.desk import MAX_WINDOWS, Desk
+from flighttune.outputs.pages.frame import look_and_script
 
 # Host names of this machine, also through a tunnel.
 HOSTS = [LOCAL, "localhost"]
@@ -194,10 +192,7 @@ def _listening(port: int) -> socket.socket:
 
 def _page_of(desk: Desk) -> str:
     """The page without flights, which its script asks for once it has loaded."""
-    folder = Path(__file__).parent
-    files = folder / "live.js", folder.parent / "pages" / "page.css", folder / "live.css"
-    script, *look = (file.read_text(encoding="utf-8") for file in files)
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    own = Path(__file__).with_name("live.js")
     page = page_template("flighttune.outputs.live", "live.html.jinja").render(
         title=desk.scenario.title,
         about=(),
@@ -205,8 +200,6 @@ def _page_of(desk: Desk) -> str:
         summary=(),
         desk=desk,
         groups=[(name, [*own]) for name, own in groupby(desk.sliders, lambda x: x.group)],
-        style="\n".join([style(), *look]),
-        script=script,
-        script_hash=f"sha256-{digest}",
+        **look_and_script(own, own.with_suffix(".css")),
     )
     return printable(page)

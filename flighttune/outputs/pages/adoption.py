@@ -45,6 +45,7 @@ def write_adoption(adoption: Adoption) -> Path:
         parts={
             "requirements": Section(note=CRITERION, tables=[turn_table(adoption)], legend=False),
             "responses": Section(
+                title="The turn: errors and signals",
                 note=adoption.turn_name,
                 charts=[*errors(flights), *flown_signals(flights, SIGNALS)] if flights else (),
                 columns=3,

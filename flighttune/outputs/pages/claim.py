@@ -71,7 +71,7 @@ class Parts:
     notes: Sequence[str]
     tables: Sequence[Table]
     charts: Sequence[Chart] = ()
-    heading: str = ""  # of the charts, instead of "Responses"
+    heading: str = ""  # of the charts, instead of "Flights"
     below: Sequence[Table] = ()  # tables below the charts
     conditions: Sequence[Table] = ()  # tables that are printed with the map as one A4 page
     changed: Sequence[str] = ()  # notes for the charts

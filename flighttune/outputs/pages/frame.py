@@ -12,7 +12,8 @@ from flighttune.base.answering import Answering
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.drawing.chart import Chart, style
+from flighttune.outputs.drawing import chart
+from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.templates import page_template
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Section:
 PARTS = (
     ("accuracy", "Accuracy", True),
     ("requirements", "Requirements", True),
-    ("responses", "Responses", True),
+    ("responses", "Flights", True),
     ("conditions", "What it holds for, and how to check it", True),
     ("margins", "Margins of the loop", False),
     ("costs", "What each requirement costs", False),
@@ -86,6 +87,24 @@ def answer(report: Report) -> Answer:
     return replace(report.shown, files={"report": report.path})
 
 
+def look_and_script(script: Path, *looks: Path) -> dict[str, str]:
+    """Style and script of a page: those of charts and of every page, then its own.
+
+    The page's content security policy allows only the script with this hash.
+    """
+    sheets = Path(__file__).with_name("page.css"), *looks
+    scripts = Path(chart.__file__).with_suffix(".js"), script
+    rules, whole = (
+        "\n".join(file.read_text(encoding="utf-8") for file in files) for files in (sheets, scripts)
+    )
+    digest = base64.b64encode(hashlib.sha256(whole.encode()).digest()).decode()
+    return {
+        "style": f"{chart.style()}\n{rules}",
+        "script": whole,
+        "script_hash": f"sha256-{digest}",
+    }
+
+
 def write_page(
     path: Path,
     template: "Template",
@@ -100,19 +119,11 @@ def write_page(
         for section in sections
     )
     sections = [section for section in filled if section.charts or section.tables]
-    look, script = (
-        Path(__file__).with_name(name).read_text(encoding="utf-8")
-        for name in ("page.css", "page.js")
-    )
-    # The page's content security policy allows only this script.
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = template.render(
         **{"claim": "", "about": (), "legend": (), "styles": {}, **more},
         summary=summary,
         sections=sections,
-        style=f"{style()}\n{look}",
-        script=script,
-        script_hash=f"sha256-{digest}",
+        **look_and_script(Path(__file__).with_name("page.js")),
     )
     write_text(path, printable(page))  # a title may have control characters
     titles = tuple(section.title for section in sections if section.title)

@@ -84,11 +84,15 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         ],
         parts={
             "requirements": Section(tables=[replace(required, title="")]),
-            "responses": Section(note=note),
+            "responses": Section(title=f"Flights with {start} and with the gains found", note=note),
             "margins": Section(note=TEXTS["margins"], tables=[margins, gains]),
             "costs": Section(note=costs, charts=charts, tables=[trades], legend=False),
-            "flown": Section(tables=[*drawn, ended]),
-            "claim": Section(note=TEXTS["proven"], tables=[certificate, loop]),
+            "flown": Section(
+                title="Drawn values, and flights that ended early", tables=[*drawn, ended]
+            ),
+            "claim": Section(
+                title="Certificate and indicators", note=TEXTS["proven"], tables=[certificate, loop]
+            ),
         },
         commands=command,
         campaign=toml_text(plain(meeting.campaign)) if meeting.campaign else "",
@@ -127,10 +131,14 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
         ],
         parts={
             "requirements": Section(tables=[Table(CHECKED_COLUMNS, [*map(in_words, rows)])]),
-            "responses": Section(note=left_out),
+            "responses": Section(
+                title="Flights with the paper's gains and the tuned ones", note=left_out
+            ),
             "margins": Section(note=TEXTS["margins"], tables=[*margins, gains]),
             "claim": Section(
-                note=TEXTS["proven"], tables=[Table(CERTIFICATE_COLUMNS, [certified]), tuning]
+                title="Certificate and tuning",
+                note=TEXTS["proven"],
+                tables=[Table(CERTIFICATE_COLUMNS, [certified]), tuning],
             ),
         },
         commands=command,

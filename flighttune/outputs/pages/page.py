@@ -26,7 +26,7 @@ from flighttune.gaps.watch import score_so_far
 from flighttune.outputs.answers.advice import advice
 from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.answers.band import width
-from flighttune.outputs.answers.compare import comparison_table, pairs_table
+from flighttune.outputs.answers.compare import comparison_table, pairs_table, verdicts
 from flighttune.outputs.answers.gap import causes, step_table
 from flighttune.outputs.answers.run import (
     claim_notes,
@@ -250,7 +250,7 @@ def write_comparison_page(comparison: compare.Comparison, path: str | Path) -> R
         sections = _of_flights(flights, pairs, [metrics])
     return write_answer(
         path,
-        summary=comparison.gains_notes,
+        summary=[*verdicts(comparison), *comparison.gains_notes],
         parts={section.id: section for section in sections},
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
@@ -273,8 +273,12 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         about=(flown_in_words(gap.scenario, gap.runs),),
         summary=[*not_claimed([gap.aircraft]), *causes(gap), *gap.scenario.assumptions],
         parts={
-            "responses": Section(note=note, charts=charts.gap_charts(gap)),
-            "numbers": Section(title="Numbers", tables=tables),
+            "responses": Section(
+                title="Plants from the law to the aircraft: ITAE, flights, and what each step adds",
+                note=note,
+                charts=charts.gap_charts(gap),
+            ),
+            "numbers": Section(title="Plants, steps and their measures", tables=tables),
         },
         styles=run_styles(gap.runs),
         provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),

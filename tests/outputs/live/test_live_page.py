@@ -291,7 +291,7 @@ def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(bro
     captions = "document.querySelector('#charts').textContent"
     with ft.open(plan, browser=False) as page, window(browser, page) as tab:
         assert {"Map", "planned path", "fence"} <= {
-            *tab.run("[...document.querySelectorAll('figcaption :is(b, span)')]"
+            *tab.run("[...document.querySelectorAll('figcaption :is(b, button)')]"
                      ".map(x => x.textContent.trim())")
         }  # fmt: skip
         click(tab, "[data-begin=corridor]")
@@ -378,3 +378,22 @@ def test_fifty_moves_a_second_for_a_minute_are_followed_in_bounded_memory(browse
         tab.until(f"{DRAWN} > last", PATIENCE_S)
         assert time.monotonic() - started < 10.0
         assert more < 50e6
+
+
+def test_zoom_and_hidden_flights_stay_when_a_slider_moves(browser, page):
+    with window(browser, page) as tab:
+        tab.run("document.querySelector('#legend button[data-run]').click()")
+        run = tab.run("document.querySelector('#legend button[data-run]').dataset.run")
+        tab.run("document.querySelector('#charts svg.chart').focus({focusVisible: true})")
+        for kind in ("keyDown", "keyUp"):
+            text = {"text": "+"} if kind == "keyDown" else {}
+            tab.asked("Input.dispatchKeyEvent", type=kind, key="+", **text)
+        zoomed = "document.querySelector('#charts svg.plot').getAttribute('viewBox')"
+        before, drawn = tab.run(zoomed), tab.run(DRAWN)
+        drag(tab, K_P, 0.7)
+        tab.until(f"{DRAWN} > {drawn}", PATIENCE_S)
+
+        assert before.split()[::2] == tab.run(zoomed).split()[::2]
+        hidden = tab.run("[...document.querySelectorAll('#charts svg.plot [data-run]')].filter("
+                         "x => x.style.display === 'none').map(x => x.dataset.run)")  # fmt: skip
+        assert {*hidden} == {run}
