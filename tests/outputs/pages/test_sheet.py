@@ -29,7 +29,7 @@ RANGES = {
 }  # fmt: skip
 
 # Texts that a box cuts off, or that stick out of the page.
-CUT = """[...document.querySelectorAll("h1, h2, h3, p, th, td, li, figcaption span")].filter(
+CUT = """[...document.querySelectorAll("h1, h2, h3, p, th, td, li, figcaption button")].filter(
   e => e.checkVisibility() && (e.getBoundingClientRect().right > innerWidth + 1
     || getComputedStyle(e).display !== "inline" && e.scrollWidth > e.clientWidth + 1)
 ).map(e => e.textContent)"""
