@@ -500,6 +500,9 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     assert beyond in room["sentence"]
     assert "no risk class" in " ".join(told["notes"])
     areas = [x["properties"] for x in json.loads(Path(told["volumes"]).read_text())["features"]]
+    assert Path(told["kml"]) == Path("b.kml")
+    drawn = Path("b.kml").read_text()
+    assert all(f"<name>{area['name']}</name>" in drawn for area in areas)
     steps = np.diff([area["width_m"] for area in areas])
     assert steps == pytest.approx([from_route, areas[1]["max_over_ground_m"]], abs=0.2)
     assert "contingency volume" in Path("p.html").read_text()

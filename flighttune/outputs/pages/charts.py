@@ -106,7 +106,7 @@ def route_map(
 ) -> Chart:
     """Map with north up: planned path, waypoints, wind, and a corridor at distances `s`.
 
-    `wind`: winds of the flights, if they differ from the scenario's wind.
+    `wind`: winds of the flights, which are then written below instead of the scenario's wind.
     """
     chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
     inside = path.s <= path.length
@@ -128,9 +128,10 @@ def route_map(
         north, east = zip(*rally, strict=True)
         chart.points(east, north, INK, size=4.0)
         chart.label_points([(e, n, "rally") for n, e in rally])
-    if scenario.wind is not None:
-        vector = np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2])
-        _wind_arrow(chart, vector, wind or f"at the start {np.hypot(*vector):.3g} m/s")
+    if wind:
+        chart.x += f", wind {wind}"
+    elif scenario.wind is not None:
+        _wind_arrow(chart, np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2]))
     return chart
 
 
@@ -154,12 +155,9 @@ def draw_ends(chart: Chart, fence: Fence, path: Path) -> None:
             chart.line([0.0, path.length / KM], [height, height], LIMIT, name=name, dash=dash)
 
 
-def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
-    """The wind in words: beside an arrow in the upper left corner, or below for any direction."""
+def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
+    """The wind at the start as an arrow in the upper left corner, with its speed."""
     if (speed := float(np.hypot(*wind))) == 0.0:
-        return
-    if words.endswith("anywhere"):
-        chart.x += f", wind {words}"
         return
     (left, right), (_, top) = chart.x_ends(), chart.y_ends()
     size = ARROW * (right - left)
@@ -170,7 +168,9 @@ def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
     for line in ([tail, head], [neck + aside, head, neck - aside]):
         across, up = np.transpose(line)
         chart.line(across, up, INK, width=1.8)
-    chart.text(left + 1.4 * size, top - 0.7 * size, f"wind {words}", shift=(0.0, 4.0))
+    chart.text(
+        left + 1.4 * size, top - 0.7 * size, f"wind at the start {speed:.3g} m/s", shift=(0.0, 4.0)
+    )
 
 
 # Colours of the loops cut at roll and at load factor, without a comparison of gains.

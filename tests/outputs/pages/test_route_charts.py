@@ -89,14 +89,15 @@ def test_the_arrow_points_where_the_air_moves(run):
     assert "wind at the start 6 m/s" in chart.svg()
 
 
-def test_winds_from_anywhere_have_words_and_no_arrow(run):
+@pytest.mark.parametrize("winds", ["0 to 6 m/s from anywhere", "5 to 9 m/s from 240 to 280 deg"])
+def test_drawn_winds_are_written_below_without_an_arrow(run, winds):
     tables = {**run.provenance.scenario, "wind": {"speed_mps": 6.0, "from_deg": 270.0}}
     path = planned_path(drawn(run))
     assert path is not None
 
-    chart = route_map(ft.scenario_from(tables), path, path.s, None, "0 to 6 m/s from anywhere")
+    chart = route_map(ft.scenario_from(tables), path, path.s, None, winds)
 
-    assert "wind 0 to 6 m/s from anywhere" in chart.svg()
+    assert f"wind {winds}" in chart.svg()
     with pytest.raises(StopIteration):
         path_with(chart, "var(--ink)")
 

@@ -13,8 +13,9 @@ from made_up_band import count_of
 
 import flighttune as ft
 from flighttune.claims import counted_flights
+from flighttune.claims.leaving import Volume
 from flighttune.claims.mission import MissionOdds
-from flighttune.claims.per_hour import FlownTerm, PerHour, Volume
+from flighttune.claims.per_hour import FlownTerm, PerHour
 from flighttune.claims.rates_keys import KINDS
 from flighttune.claims.turn_back import TurnBack
 from flighttune.outputs.pages.claim import write_claim_page
@@ -44,7 +45,13 @@ def every_fault(plan):
         for name, kind in KINDS.items()
     ]
     terms = [
-        FlownTerm(fault=fault, ended_s=None, left_s=(-1.0,) * 30, end_s=(60.0,) * 30)
+        FlownTerm(
+            fault=fault,
+            ended_s=None,
+            left_s=(-1.0,) * 30,
+            end_s=(60.0,) * 30,
+            ended_at_s=(-1.0,) * 30,
+        )
         for fault in (None, *range(len(faults)))
     ]
     square = ((-900.0, -900.0), (-900.0, 900.0), (900.0, 900.0), (900.0, -900.0))
