@@ -13,7 +13,7 @@ import numpy as np
 from flighttune.base.answering import Answering
 from flighttune.base.errors import InfeasibleError, InputError, naming, printable
 from flighttune.base.files import code
-from flighttune.base.files.load import BAND, kind_of, load_one
+from flighttune.base.files.load import BAND, PER_HOUR, kind_of, load_one, written
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
@@ -153,6 +153,30 @@ class FilesBeside(NamedTuple):
 def per_hour_beside(band: Path) -> Path:
     """File of the exits per flight hour, beside the band's file."""
     return Path(f"{band.with_suffix('')}-per-hour.json")
+
+
+def kept_mission(band: Band, file: Path) -> MissionOdds:
+    """A band along a route, with what the files beside it have counted of the same mission."""
+    beside, hourly = FilesBeside.of(file), per_hour_beside(file)
+    files, room, rate = {"band": file}, None, None
+    if beside.room.exists() and (other := written(beside.room, BAND)) is not None:
+        with suppress(InputError):  # of another route, or nothing is claimed
+            if other.about.kind is TurnBack and other.volumes(band):
+                room, found = other, beside._asdict().items()
+                files |= {key: kept for key, kept in found if kept.exists()}
+    other = written(hourly, PER_HOUR) if hourly.exists() else None
+    if other is not None and _of_one_mission(other.plan, band.about.plan):
+        rate, files["per_hour"] = other, hourly
+    return MissionOdds(band=band, room=room, files=files, file=file, per_hour=rate)
+
+
+def _of_one_mission(*plans: Mapping[str, Any]) -> bool:
+    """Whether plans differ in their seeds and numbers of flights alone."""
+    one, other = (
+        [plan["gains"], plan["aircraft"], plan["nominal"]["route"], {**plan["campaign"], "seed": 0}]
+        for plan in plans
+    )
+    return one == other
 
 
 @code.flies

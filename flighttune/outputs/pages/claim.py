@@ -12,7 +12,6 @@ from flighttune.claims.mission import MissionOdds
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.per_hour import PerHour
 from flighttune.claims.tubes.enclosure import Tube
-from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import AnyClaim, stale_notes
 from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate
@@ -49,17 +48,7 @@ class Asked(NamedTuple):
     """Context of the page of a claim."""
 
     source: str  # file of the claim
-    mission: MissionOdds | None = None  # the mission of a band
-
-    @property
-    def room(self) -> TurnBack | None:
-        """Room of flights that turn back, drawn on the map as volumes."""
-        return None if self.mission is None else self.mission.room
-
-    @property
-    def terrain(self) -> str | Path | None:
-        """Raster of heights below the route."""
-        return None if self.mission is None else self.mission.terrain
+    mission: MissionOdds | None = None  # of a band along a route; None: as kept in files
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +100,8 @@ def write_claim_page(
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
-    That of a band along a route prints as one A4 page, with what a `mission` counted besides.
+    That of a band along a route prints as one A4 page, with what its `mission`, or the files
+    beside it, counted besides.
     """
     parts: Parts = function_for(claim, PAGES)(claim, Asked(source, mission))
     drawn = [table for table in parts.tables if table.name == "dispersions"]

@@ -12,6 +12,7 @@ from flighttune.base.units import shown_unit
 from flighttune.base.words import quoted
 from flighttune.claims.band import KEPT, Band
 from flighttune.claims.counted import Counted, SignalBounds
+from flighttune.claims.mission import kept_mission
 from flighttune.claims.shape import predicted
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import stale_notes
@@ -213,14 +214,13 @@ def band(claim: Band, asked: Asked) -> Parts:
     if claim.flights.over != "along":
         parts = bounds(claim, asked)
         return replace(parts, sentences=[claim.sentence, *claim.said_of_fences])
-    answer = claim.answer(asked.source)
-    said = answer if asked.mission is None else asked.mission.answer()
-    parts = _counted(claim, answer)
+    mission = asked.mission or kept_mission(claim, Path(asked.source))
+    said, parts = mission.answer(), _counted(claim, claim.answer(asked.source))
     notes, tables = [*parts.notes, claim.sentence, *claim.said_of_fences], [*parts.tables]
-    notes += [NOT_SEEN] * (asked.terrain is None)
-    if asked.room is not None:
-        turning = asked.room.answer()
-        notes += [asked.room.sentence, *(note for note in turning.notes if "--run" not in note)]
+    notes += [NOT_SEEN] * (mission.terrain is None)
+    if mission.room is not None:
+        turning = mission.room.answer()
+        notes += [mission.room.sentence, *(note for note in turning.notes if "--run" not in note)]
         tables.append(turning.tables[0])
     return replace(
         parts,
@@ -230,7 +230,7 @@ def band(claim: Band, asked: Asked) -> Parts:
         changed=said.changed,
         notes=[*notes, *how_to_read(claim)],
         tables=tables,
-        below=sheet.volumes(asked.mission),
-        conditions=sheet.tables(claim, asked.source, asked.mission),
-        charts=mission_charts(claim, asked.room, asked.terrain),
+        below=sheet.volumes(mission),
+        conditions=sheet.tables(mission),
+        charts=mission_charts(claim, mission.room, mission.terrain),
     )

@@ -36,9 +36,9 @@ NO_GAIN = "0.0000", ""
 FAILURES = "Failures of engine, link and receiver"
 
 
-def volumes(mission: MissionOdds | None) -> list[Table]:
+def volumes(mission: MissionOdds) -> list[Table]:
     """Terms of the width of the contingency volume, and the sizes of all volumes, if claimed."""
-    if mission is None or mission.room is None:
+    if mission.room is None:
         return []
     terms = terms_table(mission.room, mission.band)
     if not terms:
@@ -50,19 +50,20 @@ def volumes(mission: MissionOdds | None) -> list[Table]:
     return [*terms, Table(VOLUME_COLUMNS, sizes, "volumes, heights over ground")]
 
 
-def tables(band: Band, source: str, mission: MissionOdds | None) -> list[Table]:
-    """What a band along a route holds for, what is claimed, faults, and how to check it."""
-    hourly = None if mission is None else mission.per_hour
+def tables(mission: MissionOdds) -> list[Table]:
+    """What a mission's count holds for, declared faults, claims, and how to check them."""
+    hourly = mission.per_hour
     return [
-        facts_table("", conditions(band, mission)),
+        facts_table("", conditions(mission)),
         *([] if hourly is None else per_hour.tables(hourly)[:1]),
-        facts_table("What is claimed", claims(band, mission)),
-        files_table(source, mission),
+        facts_table("What is claimed", claims(mission)),
+        files_table(mission),
     ]
 
 
-def conditions(band: Band, mission: MissionOdds | None) -> dict[str, str]:
+def conditions(mission: MissionOdds) -> dict[str, str]:
     """Aircraft, air, navigation, law and flights, in words."""
+    band = mission.band
     flights, about = band.flights, band.about
     distribution, law = flights.distribution, flights.scenario.law_table(flights.gains_name)
     air = dict(distribution.air_words)
@@ -70,7 +71,7 @@ def conditions(band: Band, mission: MissionOdds | None) -> dict[str, str]:
     size = f", {flights.span:.3g} m of span" if flights.span else ""
     words = ", ".join(AIR[name].format(text) for name, text in air.items())
     counted = f"{len(band.scores)} counted, {about.learned} learned from"
-    if mission is not None and mission.room is not None:
+    if mission.room is not None:
         counted += f"; {len(mission.room.scores)} counted that turn back"
     return {
         "aircraft": f"{flights.plant}{size}, at {distribution.airspeeds}",
@@ -98,10 +99,9 @@ def _gains(band: Band) -> str:
     return "; ".join(said)
 
 
-def claims(band: Band, mission: MissionOdds | None) -> dict[str, str]:
+def claims(mission: MissionOdds) -> dict[str, str]:
     """Each claim, and what none of them has in it."""
-    room = None if mission is None else mission.room
-    hourly = None if mission is None else mission.per_hour
+    band, room, hourly = mission.band, mission.room, mission.per_hour
     fences = [f"fence {i}" for i in range(1, len(band.said_of_fences) + 1)]
     stated = {"corridor": band.claim_words}
     stated |= dict(zip(fences if len(fences) > 1 else ["fence"], band.said_of_fences, strict=False))
@@ -111,16 +111,14 @@ def claims(band: Band, mission: MissionOdds | None) -> dict[str, str]:
         stated["per flight hour"] = hourly.sentence
     missing = FAILURES if hourly is None else "Faults of other kinds"
     stated["not in it"] = f"{missing}, errors of the crew, other traffic and injuries on the ground"
-    if mission is None or mission.terrain is None:
+    if mission.terrain is None:
         stated["ground"] = NOT_SEEN
     return {what: sentence(claim) for what, claim in stated.items()}
 
 
-def files_table(source: str, mission: MissionOdds | None) -> Table:
+def files_table(mission: MissionOdds) -> Table:
     """The files of the claims and volumes with their digests, and the commands that check them."""
-    files = {"band": Path(source)}
-    if mission is not None:
-        files |= {key: file for key, file in mission.files.items() if file is not None}
+    files = {**mission.files, "band": mission.file}
     records = [
         {
             "file": file.name,
@@ -128,6 +126,7 @@ def files_table(source: str, mission: MissionOdds | None) -> Table:
             "digest": sha256(file),
         }
         for key, file in files.items()
+        if file is not None
     ]
     versions = library_versions()
     with_versions = ", ".join(f"{name} {versions[name]}" for name in DECIDING if name in versions)

@@ -14,7 +14,7 @@ from made_up_band import count_of
 import flighttune as ft
 from flighttune.claims import counted_flights
 from flighttune.claims.leaving import Volume
-from flighttune.claims.mission import MissionOdds
+from flighttune.claims.mission import MissionOdds, per_hour_beside
 from flighttune.claims.per_hour import FlownTerm, PerHour
 from flighttune.claims.rates_keys import KINDS
 from flighttune.claims.turn_back import TurnBack
@@ -151,3 +151,19 @@ def test_the_page_has_terms_volumes_claims_and_the_digest_of_each_file(mission):
     claims = cells[cells.index("corridor") : cells.index("not in it")]
     assert claims[::2] == ["corridor", "room to turn back", "per flight hour"]
     assert all(claim[0].isupper() and claim.endswith(".") for claim in claims[1::2])
+
+
+@pytest.mark.slow
+def test_a_page_written_later_has_what_the_files_beside_the_band_count(mission, tmp_path):
+    page = tmp_path / "page.html"
+    write_claim_page(mission.band, str(mission.file), page, mission)
+    later = ft.report(mission.file, tmp_path / "later.html").path
+
+    assert later.read_text() == page.read_text()
+    # The files of another mission beside it are not this one's.
+    moved = {**mission.per_hour.plan, "gains": []}
+    replace(mission.per_hour, plan=moved).save(per_hour_beside(mission.file))
+    try:
+        assert "per flight hour" not in ft.report(mission.file, later).path.read_text()
+    finally:
+        mission.per_hour.save(per_hour_beside(mission.file))
