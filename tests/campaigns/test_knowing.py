@@ -71,11 +71,15 @@ def test_a_claim_names_what_its_autopilots_knew_and_its_corridor_is_as_wide(tmp_
 
     assert "knows its place by a standard receiver and inertial unit" in by_receiver.sentence
     assert "where the aircraft knows its place exactly" in exact.sentence
-    sides = [abs(band.extremes[:, :, 0]).max() for band in (by_receiver, exact)]
+    both = by_receiver, exact
+    sides = [abs(band.extremes[:, :, 0]).max() for band in both]
     errors = navigation_errors(by_receiver)
     assert sides[0] > 2.0 * sides[1]
     # At most the error of its place moves an aircraft: the triangle inequality.
     assert sides[0] < errors.beside + 3.0
+    said = "the distance that the autopilot sees plus"
+    told = [said in str(band.answer().notes) for band in both]
+    assert told == [True, False]
     file = tmp_path / "counted.npz"
     by_receiver.save(file)
     assert navigation_errors(exact) is None

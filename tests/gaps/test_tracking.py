@@ -70,12 +70,35 @@ def test_a_log_without_a_track_flies_nothing():
     assert tracking(track(phi=0.0), "no such aircraft", 25.0, 1000.0) == ()
 
 
-def test_the_page_of_a_log_says_its_errors_of_track(tmp_path):
+def flight_beside_its_path(folder):
+    """A log of 60 s that is 1.5 m beside its path."""
     columns = ["t_s,phi_deg,chi_deg,cross_track_m,v_north,v_east"]
     columns += [f"{0.1 * k},{math.sin(0.1 * k)},0.0,1.5,25.0,0.0" for k in range(600)]
-    (tmp_path / "flight.csv").write_text("\n".join(columns))
+    (folder / "flight.csv").write_text("\n".join(columns))
+    return folder / "flight.csv"
 
-    page = ft.report(tmp_path / "flight.csv", tmp_path / "page.html")
+
+def test_the_page_of_a_log_says_its_errors_of_track(tmp_path):
+    page = ft.report(flight_beside_its_path(tmp_path), tmp_path / "page.html")
 
     (said,) = (x for x in page.summary if "straight" in x)
     assert "the autopilot sees its cross track within 1.5 m for 95 % of the time" in said
+
+
+@pytest.mark.slow
+def test_the_page_of_a_log_has_the_corridor_of_a_route_beside_its_errors(tmp_path):
+    log, file = flight_beside_its_path(tmp_path), tmp_path / "band.npz"
+    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 400.0)]}
+    few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
+    band = ft.band("circuit_in_wind", changes=short, out=file, **few)
+
+    page = ft.report(log, tmp_path / "page.html", claims=[file])
+
+    claimed = band.corridor()
+    beside = float(max(abs(claimed.low).max(axis=0)[0], abs(claimed.high).max(axis=0)[0]))
+    (said,) = (x for x in page.summary if x.startswith("The corridor is at most"))
+    width = float(said.split()[5])
+    assert beside <= width <= 1.01 * beside  # rounded up to three digits
+    assert "errors of navigation alone reach" in said
+    (seen,) = (x for x in page.summary if "the autopilot sees" in x)
+    assert seen.endswith("the error of navigation together.")

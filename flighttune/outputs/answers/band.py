@@ -15,6 +15,11 @@ from flighttune.outputs.answers import counted
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
 
+# The corridor is that of true distances; a log has those that its autopilot saw.
+TRIANGLE = (
+    "The true distance from the path is at most the distance that the autopilot sees plus the "
+    "error of navigation."
+)
 NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
 
 
@@ -36,7 +41,9 @@ def along_route(band: Band, answer: Answer) -> Answer:
     planned, values = band.flights.route, dict(answer.values)
     values["route"] = {**pick(planned, "conditions time"), "length_m": planned.length}
     changed = [*band.flights.scenario.notes, *planned.changed]
-    answer = replace(answer, values=values, changed=changed, summary=summary(band))
+    known = [TRIANGLE] * (navigation_errors(band) is not None)
+    notes = [*answer.notes, *known]
+    answer = replace(answer, values=values, changed=changed, summary=summary(band), notes=notes)
     if not band.about.fences:
         return answer
     count = band.inside(band.about.fences[-1])
