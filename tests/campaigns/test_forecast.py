@@ -82,6 +82,16 @@ def test_the_spread_is_over_members_heights_and_times(tmp_path, over_ground, tim
     assert spread.from_deg == pytest.approx((250.0, 260.0), abs=DIRECTION)
 
 
+def test_a_level_that_does_not_matter_may_lack_values(tmp_path):
+    tables = forecast()
+    tables["hourly"]["wind_speed_80m"] = [None] * 3
+    file = written(tmp_path / "f.json", tables)
+
+    assert spread_of(file, START, (120.0, 120.0)).speed_mps == pytest.approx((10.0, 14.0))
+    with pytest.raises(InputError, match="must be numbers, got null"):
+        spread_of(file, START, (110.0, 120.0))
+
+
 @pytest.mark.parametrize(
     ("unit", "per_unit"),
     [("km/h", 1.0 / 3.6), ("mp/h", 1609.344 / 3600.0), ("kn", 1852.0 / 3600.0)],
@@ -220,6 +230,23 @@ def test_a_single_wind_is_not_drawn_but_fixed(tmp_path):
     assert campaign.nominal.wind.from_deg == 250.0
     assert campaign.nominal.wind.speed_mps == pytest.approx(8.0, abs=SPEED)
     assert "one forecast without its error" in campaign.nominal.route.notes[-1]
+
+
+@pytest.mark.soak
+def test_the_answer_and_the_claim_of_a_mission_name_the_wind_and_its_forecast(tmp_path):
+    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 80), waypoint(47.404, 8.5, 80))
+    file = written(tmp_path / "f.json", forecast(hours=2))
+    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
+
+    odds = ft.mission(plan, wind=f"{file}@2026-11-29T01:00", **few)
+
+    answer = odds.answer()
+    assert "in wind 9 to 11 m/s from 250 to 260 deg, light turbulence" in answer.summary[-1]
+    words = f"from {file}, 2026-11-29 01:00 UTC (2 members): 9 to 11 m/s from 250 to 260 deg."
+    assert any(line.endswith(words) for line in answer.changed)
+    assert "in the wind of f.json of 2026-11-29 01:00 UTC" in odds.band.sentence
+    with pytest.raises(InputError, match="`wind` must be absent for a band"):
+        ft.mission(odds.band, wind=file)
 
 
 def test_a_scenario_without_drawn_flights_takes_no_forecast(tmp_path):

@@ -100,8 +100,9 @@ class WindForecast:
         between = self.levels[(self.levels > low) & (self.levels < high)].tolist()
         winds = []
         for height in dict.fromkeys((low, *between, high)):
-            i = min(int(np.searchsorted(self.levels, height)), len(self.levels) - 1)
-            below = max(i - 1, 0)
+            i = int(np.searchsorted(self.levels, height))
+            # At a level, nulls of the one below do not matter.
+            below = i if height == self.levels[i] else i - 1
             step = self.levels[i] - self.levels[below]
             share = (height - self.levels[below]) / step if step else 1.0
             winds.append((1.0 - share) * self.wind[:, below] + share * self.wind[:, i])
