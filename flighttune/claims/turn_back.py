@@ -210,7 +210,7 @@ class TurnBack(Counted):
             {"term": "S_GPS", "is": "navigation", "guideline": S_GPS, "counted": navigation},
             {"term": "S_Pos", "is": "holding", "guideline": S_POS, "counted": beside - navigation},
             {"term": "S_K", "is": "map", "guideline": S_K, "counted": None},
-            {"term": "S_RZ", "is": "reaction", "guideline": reaction, "counted": None},
+            {"term": "S_RZ", "is": "reaction, in S_CM", "guideline": reaction, "counted": None},
             {"term": "S_CM", "is": "manoeuvre", "guideline": turn, "counted": self.room.from_route},
         ]
         sums = {key: sum(x[key] or 0.0 for x in terms) for key in ("guideline", "counted")}

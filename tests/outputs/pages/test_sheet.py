@@ -151,6 +151,10 @@ def test_the_page_has_terms_volumes_claims_and_the_digest_of_each_file(mission):
     claims = cells[cells.index("corridor") : cells.index("not in it")]
     assert claims[::2] == ["corridor", "room to turn back", "per flight hour"]
     assert all(claim[0].isupper() and claim.endswith(".") for claim in claims[1::2])
+    # Headline and claim state the same number, which is not below the bound.
+    stated = {float(x) for x in re.findall(r"[Aa]t most ([\d.]+) flights per flight hour", text)}
+    (number,) = stated
+    assert mission.per_hour.bound.total <= number <= 1.01 * mission.per_hour.bound.total
 
 
 @pytest.mark.slow
