@@ -1,7 +1,7 @@
 """The flights of a claim per flight hour: their plans, and how they are flown until they end."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Choice, Uniform
 from flighttune.claims.counted_flights import rebuilt
-from flighttune.claims.leaving import NEVER, Alarms, Leaving, Left, Volume
+from flighttune.claims.leaving import AT_ITS_START, NEVER, Alarms, Leaving, Left, Volume
 from flighttune.claims.rates_keys import MANOEUVRES, FaultRateTable, HowEnded, RatesTable
 from flighttune.flight.route import planned_route
 from flighttune.flight.scenario.load import scenario_from
@@ -41,6 +41,10 @@ def hourly_plan(plan: Plan) -> Plan:
     campaign = plan.campaign.model_copy(update={"seed": plan.campaign.seed + 1})
     nominal = scenario_from(tables)
     return replace(plan, campaign=rebuilt(campaign, campaign.disperse, nominal))
+
+
+# Attempts to fly a flight.
+ATTEMPTS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,21 +84,20 @@ class TermFlights:
     def flown(self, pool: WorkerPool, runs: Sequence[int], doing: str) -> list[Left]:
         """What some runs did, each flown until it is ended and then as it ends."""
         plan = self.plan.with_runs(max(runs) + 1)
-        values = [plan.values_of(run) for run in range(plan.runs)]
         if self._known_before:
             after = self.leaving.after_s
             assert after is not None  # no alarm ends these flights
             from_s = OF_RECEIVER if OF_RECEIVER in plan.keys else OF_AIRFRAME
+            values = [plan.values_of(run) for run in range(plan.runs)]
             values = [{**x, ENDED_S: x[from_s] + after} for x in values]
-        first = self._rows(pool, plan, runs, values, doing)
-        again = [] if self._known_before else self._to_end(runs, first)
-        if not again:
-            return first
-        flown = dict(zip(runs, first, strict=True))
-        for run in again:
-            values[run] |= self._ending(flown[run])
-        ended = self._rows(pool, plan, again, values, f"{doing}: their ends")
-        return [*(flown | dict(zip(again, ended, strict=True))).values()]
+            return [*self._flown(pool, plan, runs, doing, values).values()]
+        flown = self._flown(pool, plan, runs, doing)
+        if again := self._to_end(flown):
+            values = [plan.values_of(run) for run in range(plan.runs)]
+            for run in again:
+                values[run] |= self._ending(flown[run])
+            flown |= self._flown(pool, plan, again, f"{doing}: their ends", values)
+        return [*flown.values()]
 
     @property
     def _known_before(self) -> bool:
@@ -102,13 +105,13 @@ class TermFlights:
         leaving = self.leaving
         return leaving.how == "cut" and leaving.alarms is None and leaving.after_s is not None
 
-    def _to_end(self, runs: Sequence[int], first: Sequence[Left]) -> list[int]:
+    def _to_end(self, flown: Mapping[int, Left]) -> list[int]:
         """Runs to fly again as they end: inside when they are ended."""
         if self.leaving.how == "parachute":
             return []  # its descent follows from the state
         return [
             run
-            for run, x in zip(runs, first, strict=True)
+            for run, x in flown.items()
             if x.ended_s != NEVER and not NEVER < x.left_s < x.ended_s
         ]
 
@@ -121,18 +124,23 @@ class TermFlights:
             values[ENDED_AT_M] = flown.at_m
         return values
 
-    def _rows(
+    def _flown(
         self,
         pool: WorkerPool,
         plan: Plan,
         runs: Sequence[int],
-        values: list[dict[str, Any]],
         doing: str,
-    ) -> list[Left]:
-        """What runs did; a flight without samples left at its start."""
-        probes = {"left": self.leaving}
-        rows = pool.in_order(plan, runs, doing=doing, probes=probes, draws=values)
-        return [Left(*row.get("left", (0.0, 0.0, NEVER, NEVER))) for row in rows]
+        draws: list[dict[str, Any]] | None = None,
+    ) -> dict[int, Left]:
+        """What runs did, in their order; a flight without samples left at its start."""
+        flown: dict[int, Left] = {}
+        # On a busy machine a flight may run out of time: it is flown once more.
+        for _ in range(ATTEMPTS):
+            missing = [run for run in runs if run not in flown]
+            rows = pool.rows(plan, missing, doing=doing, probes={"left": self.leaving}, draws=draws)
+            # Of a row only these numbers are kept: a count may have 10^6 flights.
+            flown |= {row["run"]: Left(*row["left"]) for row in rows if "left" in row}
+        return {run: flown.get(run, AT_ITS_START) for run in runs}
 
 
 def _plan_of(ends: Ends, fault: int | None, how: HowEnded | None, window_s: float) -> Plan:

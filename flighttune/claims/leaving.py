@@ -89,6 +89,10 @@ class Left(NamedTuple):
     at_m: float  # place on the route at which it leaves it in its ending, m
 
 
+# Values of a flight without a sample: it left at its start.
+AT_ITS_START = Left(left_s=0.0, end_s=0.0, ended_s=NEVER, at_m=NEVER)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leaving:
     """Probe of a flight: when it leaves a volume, and when it is ended."""
@@ -105,7 +109,7 @@ class Leaving:
     def __call__(self, run: Run, scenario: Scenario) -> list[float]:
         """The values of `Left`."""
         if not len(run.signals):
-            return [0.0, 0.0, NEVER, NEVER]
+            return [*AT_ITS_START]
         t, ended_at = np.asarray(run.t, dtype=float), self._ended_at(run, scenario)
         left, end = self._left(run, scenario, ended_at), float(t[-1])
         if ended_at > end:

@@ -29,8 +29,9 @@ from flighttune.control.theory.exact import Verification
 # Times since a fault at which flights are ended to find the latest, s, in rising order.
 LATER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 60.0)
 
-# Share of the healthy flights that a monitor may end early at no cost to the exposure.
-SHORTER = 0.05
+# Share of the healthy flights that may be shorter than the duration with which the exposure is
+# bounded: in a strong tail wind or lost at the start, and where false alarms end flights early.
+SHORTER, SHORTER_BY_ALARMS = 0.01, 0.05
 
 # Share of the confidence's complement, and epsilon, of flights that a check repeats.
 AGAIN = 0.05
@@ -120,8 +121,7 @@ class PerHour(Answering):
     def exposure(self) -> Exposure:
         """Durations of the flights without a fault."""
         end = sorted(self.terms[0].end_s)
-        # False alarms of a monitor end some flights early.
-        shorter = 0 if self.alarms is None else int(SHORTER * len(end))
+        shorter = int((SHORTER if self.alarms is None else SHORTER_BY_ALARMS) * len(end))
         return Exposure(
             shortest_s=end[shorter],
             window_s=end[-1],
