@@ -278,9 +278,10 @@ class Flights:
         return replace(self, scenario=knowing(self.scenario, navigation), campaign=campaign)
 
     def in_wind(self, forecast: str | Path | None) -> "Flights":
-        """Flights along a route in a wind drawn from a forecast, see `spread_of`; None: no change.
+        """Flights along a route in a wind drawn from a forecast; None: no change.
 
-        It takes the place of the wind of the campaign.
+        The forecast is JSON or CSV of Open-Meteo, also ``FILE@TIME`` or ``FILE@FROM/TO``. Its range
+        over members, these times and the heights of the route replaces the campaign's wind.
         """
         if forecast is None:
             return self
