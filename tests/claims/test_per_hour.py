@@ -14,7 +14,7 @@ from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
 from flighttune.claims.hourly_flights import Ends, check_rates
 from flighttune.claims.leaving import Alarms, Volume
-from flighttune.claims.per_hour import PerHour, count_per_hour, load_per_hour
+from flighttune.claims.per_hour import FlownTerm, PerHour, count_per_hour, load_per_hour
 from flighttune.claims.rates_keys import RatesTable, load_rates
 from flighttune.gaps.watch import SignalModel
 
@@ -196,3 +196,26 @@ def test_a_monitor_is_a_file_of_flights_of_the_aircraft(tmp_path):
     file.write_text(f'[ending]\nmonitor = "none.npz"\n[[fault]]\n{FAULT}')
     with pytest.raises(InputError, match=r"none\.npz"):
         ft.mission("circuit_in_wind", changes=SHORT, turn_back=30.0, rates=file)
+
+
+@pytest.mark.parametrize(("alarms", "early", "shortest_s"), [(False, 2, 90.0), (True, 10, 90.0)])
+def test_a_few_flights_that_end_early_do_not_shorten_the_exposure(alarms, early, shortest_s):
+    ends = tuple([5.0] * early + [90.0] * (200 - early))
+    inside = (-1.0,) * 200
+    healthy = FlownTerm(fault=None, ended_s=None, left_s=inside, end_s=ends, ended_at_s=inside)
+    struck = FlownTerm(fault=0, ended_s=None, left_s=inside, end_s=ends, ended_at_s=inside)
+    stated = rates(flights=200).model_copy(update={"flights": 200})
+    hourly = PerHour(
+        rates=stated.model_dump(mode="json", exclude_none=True),
+        confidence=0.9,
+        plan={"nominal": {"flight": {"duration_s": 100.0}}},
+        volume=box(1e4),
+        alarms=Alarms(models=(), middle=(), half=()) if alarms else None,
+        terms=(healthy, struck),
+    )
+    assert hourly.exposure.shortest_s == shortest_s
+    # No flight left: p is bounded by 1 - alpha^(1/n) in closed form, alpha shared by four counts.
+    p = 1.0 - (0.1 / 4) ** (1 / 200)
+    hours = hourly.exposure.hours(hourly.bound.each)
+    assert hourly.bound.healthy == pytest.approx(p / hours, rel=1e-9)
+    assert 0.8 * 90.0 < 3600.0 * hours < 90.0
