@@ -30,7 +30,7 @@ from flighttune.vehicles.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 
 if TYPE_CHECKING or find_spec("gymnasium"):
-    from gymnasium import Env, spaces
+    from gymnasium import Env, register, spaces
 else:  # its name stays public without the extra, and `need` says what is missing
     Env = object
 
@@ -38,6 +38,17 @@ __all__ = ["FlightEnv"]
 
 # Errors of position, angles and airspeed that each cost half of the reward of a step.
 HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
+
+# Size of observed values that a scaled environment shows as 1; `_sizes` has the others.
+SIZES = {
+    **dict.fromkeys(("chi_err", "gamma_err", "phi"), math.pi),
+    **dict.fromkeys(("chi_dot_ref", "gamma_dot_ref"), 1.0),
+    **dict.fromkeys(("cross_track", "height_err"), 100.0),
+    "gamma": math.pi / 2.0,
+}
+
+# Its name in Gymnasium, whose options are those of `FlightEnv`, and the world by default.
+NAME, WORLD = "flighttune/Flight-v0", "level_turn"
 
 # Draws of a campaign that may fail to start before an episode gives up.
 MAX_DRAWS = 100
@@ -63,14 +74,19 @@ class FlightEnv(Env):
         Gain set of `baseline`; by default the gains tuned for the aircraft, else the first set.
     rate_hz : float, 1/s
         Actions per second. It replaces the rate of the scenario, and gains are tuned for it.
+    scaled : bool
+        Whether actions and observations are numbers from -1 to 1, by default False. An action of 1
+        is the upper limit, -1 the lower one. An observed angle is divided by pi, the path angle by
+        pi / 2, a rate by 1 rad/s, a distance by 100 m, an airspeed by twice that of the start, and
+        the rest by its largest limit; larger values are cut off.
 
     Attributes
     ----------
     action_space : gymnasium.spaces.Box, shape (m,)
         Roll (rad) and load factor (1), and n_x (1) where the airspeed is a channel, within the
-        limits of scenario and plant. Their rate limits hold too.
+        limits of scenario and plant; or -1 to 1. Their rate limits hold too.
     observation_space : gymnasium.spaces.Box, shape (n,)
-        The values named in `observed`.
+        The values named in `observed`; or -1 to 1.
     observed : tuple of str, length n
         Names of the observed values, in SI and rad: errors of course and path angle, rates of their
         reference, ``gamma``, ``phi``, ``n_z``, ``V_a`` and the commands in force. On a route also
@@ -87,6 +103,8 @@ class FlightEnv(Env):
 
     Notes
     -----
+    ``gymnasium.make("flighttune.gym:flighttune/Flight-v0", world=...)`` makes it scaled.
+
     The reward of a step of length dt is ``-dt e / (1 + e)``. On a route e is the distance from it
     over 5 m, else the error of course and path angle over 5 deg; a commanded airspeed adds its
     error over 5 m/s, as root of the sum of squares. A failed flight loses all of the time that was
@@ -112,6 +130,7 @@ class FlightEnv(Env):
         plant: str | None = None,
         gains: str | None = None,
         rate_hz: float = 10.0,
+        scaled: bool = False,
     ) -> None:
         need("`FlightEnv`", "gymnasium")
         stated, self._plan = source.flights(world), None
@@ -141,8 +160,29 @@ class FlightEnv(Env):
             *(("cross_track", "height_err") if scenario.route is not None else ()),
             *(("V_err", *N_X_SIGNALS) if scenario.airspeed else ()),
         )
-        self.action_space = spaces.Box(limits.lower, limits.upper, dtype=np.float64)
-        self.observation_space = spaces.Box(-np.inf, np.inf, (len(self.observed),), np.float64)
+        self._sizes = self._sizes_of(scenario) if scaled else None
+        ends = (
+            (-np.ones_like(limits.lower), np.ones_like(limits.upper))
+            if scaled
+            else (limits.lower, limits.upper)
+        )
+        most = 1.0 if scaled else np.inf
+        self.action_space = spaces.Box(*ends, dtype=np.float64)
+        self.observation_space = spaces.Box(-most, most, (len(self.observed),), np.float64)
+
+    def _sizes_of(self, scenario: Scenario) -> FloatArray:
+        """The size of each observed value that is shown as 1."""
+        limits = self._episode.limits
+        largest = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
+        commands = dict(zip(("phi_cmd", "n_z_cmd", "n_x_cmd"), largest, strict=False))
+        speed, n_x = 2.0 * scenario.flight.V_a_mps, commands.get("n_x_cmd", 1.0)
+        sizes = SIZES | commands | {"n_z": commands["n_z_cmd"], "V_a": speed, "V_err": speed}
+        return np.array([sizes.get(name, n_x) for name in self.observed])
+
+    def _observation(self) -> FloatArray:
+        """The latest observation, in the units of this environment."""
+        seen = self._episode.observation()
+        return seen if self._sizes is None else np.clip(seen / self._sizes, -1.0, 1.0)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -156,7 +196,7 @@ class FlightEnv(Env):
         while True:
             try:
                 info = self._begin(asked)
-                return self._episode.observation(), info
+                return self._observation(), info
             except (ScenarioError, TrimError):
                 left -= 1
                 if not left:
@@ -187,6 +227,9 @@ class FlightEnv(Env):
         episode = self._episode
         if episode.over:
             raise InputError("`reset` must be called before `step`: no flight is under way.")
+        if self._sizes is not None:
+            low, high = episode.limits.lower, episode.limits.upper
+            action = low + (np.asarray(action, dtype=float) + 1.0) * (high - low) / 2.0
         episode.agent.action = action
         _, _, t, _, _ = episode.sample
         episode.fly_on()
@@ -203,7 +246,7 @@ class FlightEnv(Env):
         truncated = episode.over and not terminated
         status, reason = episode.outcome
         info = {"status": status, "reason": reason} if episode.over else {}
-        return episode.observation(), reward, terminated, truncated, info
+        return self._observation(), reward, terminated, truncated, info
 
     def baseline(self, obs: FloatArray) -> FloatArray:
         """Action of the scenario's law at the latest observation, shape (m,).
@@ -211,13 +254,17 @@ class FlightEnv(Env):
         The law gets the measurements and the reference behind `obs`; its integrals begin with
         the first call of a flight.
         """
-        if self._episode.over or not np.array_equal(obs, self._episode.observation()):
+        if self._episode.over or not np.array_equal(obs, self._observation()):
             raise InputError("`obs` must be the latest observation of a flight under way.")
         if self._gain_set is None:
             self._gain_set = gain_set(self._world, self._gains)
         if self._gain_set is None:
             raise InputError(f"`gains` must be feasible, got {self._gains}: tuning found none.")
-        return self._episode.law_action(self._gain_set)
+        action = self._episode.law_action(self._gain_set)
+        if self._sizes is None:
+            return action
+        low, high = self._episode.limits.lower, self._episode.limits.upper
+        return 2.0 * (action - low) / (high - low) - 1.0
 
     @property
     def flown(self) -> FlownScenario:
@@ -328,3 +375,7 @@ def _at(rate_hz: float, scenario: Scenario) -> Scenario:
     tables = scenario.controller.model_dump() | {"rate_hz": rate_hz}
     controller = validated(ControllerTable, tables, "`FlightEnv`")
     return scenario.model_copy(update={"controller": controller})
+
+
+if Env is not object:
+    register(NAME, "flighttune.gym:FlightEnv", kwargs={"world": WORLD, "scaled": True})

@@ -4,6 +4,7 @@ import math
 import warnings
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 from fuzzing import slow
@@ -70,6 +71,34 @@ def test_it_keeps_the_rules_of_gymnasium(world):
         # commands are in their units, and no error of a flight has a bound
         warnings.filterwarnings("ignore", message=".*(symmetric and normalized|infinity).*")
         check_env(ft.gym.FlightEnv(world), skip_render_check=True)
+
+
+@pytest.mark.parametrize("world", ["level_turn", "mission"])
+def test_gymnasium_makes_it_scaled_without_a_warning_of_its_checker(world):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gymnasium.make("flighttune.gym:flighttune/Flight-v0", world=world)
+        check_env(env.unwrapped, skip_render_check=True)
+
+    assert (env.action_space.low == -1.0).all()
+    assert (env.observation_space.high == 1.0).all()
+
+
+def test_a_scaled_flight_under_the_law_is_the_one_in_units():
+    units, scaled = ft.gym.FlightEnv("level_turn"), ft.gym.FlightEnv("level_turn", scaled=True)
+    seen, rewards, _ = flown_by_the_law(units, seed=5)
+    shares, shared_rewards, _ = flown_by_the_law(scaled, seed=5)
+
+    def of(values, name):
+        return values[:, units.observed.index(name)]
+
+    # rounding of a command to a share of its range and back
+    assert shared_rewards == pytest.approx(rewards, abs=1e-9)
+    assert np.abs(shares).max() <= 1.0
+    assert of(shares, "chi_err") * np.pi == pytest.approx(of(seen, "chi_err"), abs=1e-9)
+    assert of(shares, "V_a") * 2.0 * 25.0 == pytest.approx(of(seen, "V_a"), abs=1e-7)
+    phi_max = np.deg2rad(units.scenario.limits.phi_deg[1])
+    assert of(shares, "phi_cmd") * phi_max == pytest.approx(of(seen, "phi_cmd"), abs=1e-9)
 
 
 @pytest.mark.parametrize(
