@@ -1,7 +1,9 @@
 """Declared rates of faults, flights that leave a volume, and the claim per flight hour."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -15,8 +17,9 @@ from flighttune.claims import counting
 from flighttune.claims.hourly_flights import Ends, check_rates
 from flighttune.claims.leaving import Alarms, Volume
 from flighttune.claims.per_hour import FlownTerm, PerHour, count_per_hour, load_per_hour
-from flighttune.claims.rates_keys import RatesTable, load_rates
+from flighttune.claims.rates_keys import KINDS, HowEnded, RatesTable, load_rates
 from flighttune.gaps.watch import SignalModel
+from flighttune.outputs.answers import per_hour as answers
 
 FAULT = 'kind = "engine"\nper_hour = 1e-3\nsource = "a log"\n'
 STUCK = 'kind = "rudder_stuck"\nper_hour = 1e-3\nsource = "a log"\n'
@@ -219,3 +222,25 @@ def test_a_few_flights_that_end_early_do_not_shorten_the_exposure(alarms, early,
     hours = hourly.exposure.hours(hourly.bound.each)
     assert hourly.bound.healthy == pytest.approx(p / hours, rel=1e-9)
     assert 0.8 * 90.0 < 3600.0 * hours < 90.0
+
+
+def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
+    assert {*answers.FAULTS} == {*KINDS}
+    assert {*answers.ENDINGS} == {*get_args(HowEnded)}
+    inside, two_left = (-1.0,) * 300, (-1.0,) * 200 + (4.0,) * 100
+    numbers = {"end_s": (90.0,) * 300, "ended_at_s": inside}
+    healthy = FlownTerm(fault=None, ended_s=None, left_s=inside, **numbers)
+    struck = FlownTerm(fault=0, ended_s=1.0, left_s=inside, **numbers)
+    later = FlownTerm(fault=0, ended_s=3.0, left_s=two_left, **numbers)
+    stated = rates(kind="aileron_stuck", per_hour=1.0, ended_s=1.0, flights=300)
+    stated = stated.model_copy(update={"flights": 300, "target_per_hour": 0.9})
+    hourly = PerHour(
+        rates=stated.model_dump(mode="json", exclude_none=True),
+        confidence=0.9,
+        plan={"nominal": {"flight": {"duration_s": 100.0}}},
+        volume=box(1e4),
+        terms=(healthy, struck),
+        later=(replace(struck, ended_s=2.0), later),
+    )
+    said = " ".join(hourly.answer().summary)
+    assert "The target holds if a flight is ended within 2 s of a stuck aileron." in said

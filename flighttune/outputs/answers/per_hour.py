@@ -23,6 +23,19 @@ LATER_COLUMNS = (
     Column("total", "exits at most in all", "1/h"),
 )
 
+# Each kind of fault, in a sentence.
+FAULTS = {
+    "engine": "an engine failure",
+    "aileron_stuck": "a stuck aileron",
+    "elevator_stuck": "a stuck elevator",
+    "rudder_stuck": "a stuck rudder",
+    "actuator_slow": "a slow actuator",
+    "airspeed_wrong": "a wrong airspeed",
+    "receiver_jump": "a jump of the receiver",
+    "receiver_lost": "a lost receiver",
+    "link_lost": "a lost link",
+}
+
 # What an ended flight does, in a sentence.
 ENDINGS = {
     "cut": "A cut closes the throttle and moves the surfaces to their stops.",
@@ -82,10 +95,7 @@ def latest(hourly: PerHour) -> list[str]:
         return [f"The target does not hold even if a flight is ended {first:g} s after the fault."]
     kind, ended_s = held
     more = "" if ended_s < LATER_S[-1] else ", the latest time that was flown"
-    return [
-        f"The target holds if a flight is ended within {ended_s:g} s of the fault "
-        f"{kind.replace('_', ' ')}{more}."
-    ]
+    return [f"The target holds if a flight is ended within {ended_s:g} s of {FAULTS[kind]}{more}."]
 
 
 def matters_most(hourly: PerHour) -> str:
