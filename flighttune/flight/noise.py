@@ -8,7 +8,7 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
 from flighttune.control.law import Law
 from flighttune.control.tuning.noise import Noise
-from flighttune.flight.conditions import command_limits
+from flighttune.flight.conditions import limits_on
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.jsbsim.linearize import STATES, linearize
 from flighttune.vehicles.plants.jsbsim.trim import level
@@ -56,7 +56,7 @@ def _rates_max(scenario: Scenario) -> FloatArray:
     """Largest rms rates of roll (rad/s) and load factor (1/s)."""
     if (stated := scenario.tuning.command_rate_max) is not None:
         return np.array([stated[0] * DEG, stated[1]])
-    limits = command_limits(scenario)
+    limits = limits_on(scenario, scenario.aircraft)
     rates = np.minimum(limits.rate_upper, -limits.rate_lower)[:2]
     return np.array(RATE_SHARE) * rates
 

@@ -121,9 +121,10 @@ def _in_noise(rms: Rms, noise: Noise) -> str:
     errors = listed([f"{error:.3g}" for error in rms.errors[:2] / DEG])
     roll, lift = rms.rates[:2]
     used = listed([f"{share:.0%}" for share in rms.rates[:2] / noise.rates_max[:2]])
+    bounded = f", {used} of their bounds" if np.isfinite(noise.rates_max[:2]).all() else ""
     return (
         f"In light gusts with estimation errors the rms errors are {errors} deg. The rms rates of "
-        f"the commands are {roll / DEG:.3g} deg/s and {lift:.3g} 1/s, {used} of their bounds."
+        f"the commands are {roll / DEG:.3g} deg/s and {lift:.3g} 1/s{bounded}."
     )
 
 

@@ -120,6 +120,13 @@ def test_the_rates_of_the_commands_are_at_their_bounds_which_are_named(rates):
     assert any("100% and 100% of their bounds" in note for note in result.answer().notes)
 
 
+def test_the_default_bounds_are_shares_of_the_limits_of_the_aircraft():
+    """The Aerosonde's rates are 30 deg/s and 1 1/s; the scenario states none."""
+    roll, lift = tuned().problem.noise.rates_max
+
+    assert (roll / DEG, lift) == pytest.approx((3.0, 0.15))
+
+
 def test_calmer_commands_cost_errors_and_wide_bounds_cost_nothing():
     calm, wide = tuned(3.0, 0.1), tuned(100.0, 100.0)
 
