@@ -10,6 +10,7 @@ from places import SCENARIO_NAMES
 
 import flighttune as ft
 from flighttune.outputs.answers.advice import mistake
+from flighttune.outputs.answers.verdict import short
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +38,7 @@ def test_every_scenario_flies_and_comes_to_what_it_expects(name):
     assert claim.missed == ()
     assert claim.verdict == ("met" if scenario.expect else "not tested")
     # a report has 60 words before its first figure, and needs 12 for the best gains
-    assert len(f"{scenario.title} Claim: {scenario.verifies} {claim.short}".split()) <= 48
+    assert len(f"{scenario.title} Claim: {scenario.verifies} {short(claim)}".split()) <= 48
     for run in flown(name).runs:
         assert (run.status == "completed") == (run.reason == "")
         if run.status == "completed" and scenario.route is None:

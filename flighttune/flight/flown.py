@@ -106,39 +106,6 @@ class ClaimCheck:
         """Lower bounds on an error or time without an upper bound, which a poor flight meets."""
         return _lower(self.bounds)
 
-    @property
-    def short(self) -> str:
-        """The verdict with the numbers of met, missed and unflown requirements."""
-        n, met, not_flown, ended, strayed = self.total
-        runs = len(self.counts)
-        early = f"{ended} of {runs} run{'s' * (runs > 1)} ended early" if ended else ""
-        if self.verdict == "not tested":
-            ends = early or f"{runs} of {runs} run{'s' * (runs > 1)} completed"
-            return f"No requirement ([[expect]]) applies to these runs; {ends}"
-        stated = f"{n} requirement{'s' if n > 1 else ''}"
-        if self.verdict == "met":
-            poor = len(self.lower)
-            asks = f"; {poor} ask{'s' * (poor == 1)} for a slow or poor flight"
-            return f"{met} of {stated} met{asks * (poor > 0)}"
-        words = f"{met} of {stated} met, {n - met - not_flown} missed"
-        words += f", {not_flown} not flown" if not_flown else ""
-        off = f"{strayed} of {runs} run{'s' * (runs > 1)} did not follow the reference to the end"
-        return "; ".join(filter(None, [words, early, off if strayed else ""]))
-
-    @property
-    def closest(self) -> str:
-        """The bound with the smallest margin, of a met claim."""
-        if self.verdict != "met" or not self.bounds:
-            return ""
-        tightest = max(self.bounds, key=lambda check: check.margin)
-        return f"Tightest: {tightest.run}: {tightest.sentence}"
-
-    @property
-    def sentence(self) -> str:
-        """The verdict with the first missed requirement or tightest bound, and active limits."""
-        first = self.missed[:1] or [self.closest]
-        return ". ".join(filter(None, [self.short, *first, *self.held[:1]]))
-
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """Check every run against the ``[[expect]]`` tables of its scenario.

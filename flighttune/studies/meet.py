@@ -17,7 +17,6 @@ from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG
-from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import measured_in
@@ -43,7 +42,7 @@ from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_
 from flighttune.flight.metrics import AIRSPEED, OFF_ROUTE, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.studies.meeting import BY_DEFAULT, STARTS, Meeting, Status, Trial
+from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
 from flighttune.studies.retune import Counts, Retuned, retune
 from flighttune.vehicles.plant_keys import flown_aircraft
 from flighttune.vehicles.plants.base import goes_by
@@ -660,10 +659,9 @@ def _meet(
     scenarios, law = problem.scenarios, problem.law_table.law
     counting = 2 * problem.fresh * len(_required(scenarios[0]))
     trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
-    first, note = _first(scenarios[0], trials, search.value)
+    first, of_scenario = _first(scenarios[0], trials, search.value)
     met = first if trials[first].met else min(trials, key=lambda x: search.value(trials[x]))
     search.wanted = max(WANTED, -float(trials[met].worst.max()))
-    notes = (*notes, *note)
     if search.keep_R_K(trials[met]):
         notes = (*notes, KEPT.format(met))
     # On a campaign, margins beyond `WANTED` have no worth: other measures would pay for them.
@@ -680,6 +678,8 @@ def _meet(
         gains=count.nearest.gains,
         start=first,
         start_gains=trials[first].gains,
+        start_of_scenario=of_scenario,
+        other_starts=tuple(name for name in trials if name != first),
         start_met=count.start_met,
         flights=search.flights,
         candidates=search.candidates,
@@ -750,14 +750,11 @@ def _stated_start(
 
 def _first(
     scenario: Scenario, trials: Mapping[str, Trial], value: Callable[[Trial], float]
-) -> tuple[str, tuple[str, ...]]:
-    """Name of the start with which the gains found are compared, and a note about the choice."""
+) -> tuple[str, bool]:
+    """Name of the start for the comparison, and whether the scenario flies it."""
     own = [x for x in map(scenario.listed_as, scenario.gain_names) if x in trials]
     first = min(own or trials, key=lambda name: value(trials[name]))
-    whose = "the gains that the scenario flies" if own else "the tuned gains"
-    others = [name for name in trials if name != first]
-    note = STARTS.format(first, whose, listed(others))
-    return first, (note,) if others else ()
+    return first, bool(own)
 
 
 def _off_route(scenarios: Sequence[Scenario], trial: Trial) -> tuple[str, ...]:

@@ -22,9 +22,6 @@ Status: TypeAlias = Literal["met", "missed", "not sure"]
 # Run of the margins that are required unless the scenario states others.
 BY_DEFAULT = "by default"
 
-# Note about the choice of the start: its name, whose gains were tried, and the others.
-STARTS = "The start is {}, the nearest to the requirements of {}; {} were tried too."
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
@@ -76,6 +73,10 @@ class Meeting(Answering):
     start, start_gains : str, PIGains
         Name and gains of the start used for comparison: the best of the gain sets that the
         scenario flies.
+    start_of_scenario : bool
+        Whether the scenario flies the start; else it is the best of the tuned gains.
+    other_starts : tuple of str
+        Names of the other gains that were tried as a start.
     start_met : bool
         Whether the start already meets all requirements.
     flights, candidates : int
@@ -127,6 +128,8 @@ class Meeting(Answering):
     gains: PIGains
     start: str
     start_gains: PIGains
+    start_of_scenario: bool
+    other_starts: tuple[str, ...]
     start_met: bool
     flights: int
     candidates: int

@@ -294,7 +294,7 @@ def test_the_flying_wing_changes_its_airspeed_in_a_turn():
     flown = ft.fly("speed_change_in_turn", changes=X8)
 
     assert flown.claim.total.requirements == 3
-    assert flown.claim.verdict == "met", flown.claim.sentence
+    assert flown.claim.verdict == "met", flown.claim.missed
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.flight import metrics
+from flighttune.outputs.answers.verdict import sentence
 
 WANTED = [{"at_most": {"chi": {"peak_deg": 90.0}, "gamma": {"peak_deg": 90.0}}}]
 LIMITS = {"phi_deg": [-40.0, 40.0], "phi_rate_dps": 40.0, "n_z": [0.5, 2.0], "n_z_rate_per_s": 1.0}
@@ -93,7 +94,7 @@ def test_a_turn_at_the_limit_of_roll_to_its_end_is_met_and_said():
 
     (said,) = found.claim.held
     assert "phi_cmd is at its magnitude limit in 100 % of the last quarter" in said
-    assert said in found.claim.sentence
+    assert said in sentence(found.claim)
     assert not any("swings" in sentence for sentence in found.claim.missed)
 
 

@@ -8,6 +8,7 @@ from made_up import made_up_run, made_up_scenario
 
 from flighttune.flight import flown as checks
 from flighttune.flight import metrics
+from flighttune.outputs.answers.verdict import sentence, short
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -118,7 +119,7 @@ def test_a_flight_with_requirements_follows_its_reference_to_the_end(late_deg, e
     assert claim.missed == (() if missed is None else (f"{said}must be {missed}",))
     if missed:
         assert claim.total.met == claim.total.requirements  # that it follows is implied
-        assert claim.short.endswith("0 missed; 1 of 1 run did not follow the reference to the end")
+        assert short(claim).endswith("0 missed; 1 of 1 run did not follow the reference to the end")
 
 
 def test_expectations_hold_for_the_runs_they_name():
@@ -129,7 +130,7 @@ def test_expectations_hold_for_the_runs_they_name():
     assert len(checks.check_claim(wanted, [flown(off, gains="K5")]).missed) == 1
     # gains that fly beside those that are judged may end early, where all requirements name gains
     early = [flown(gains="K5"), flown(status="left_envelope", reason="t = 3 s.")]
-    assert checks.check_claim(wanted, early).short == "1 of 1 requirement met"
+    assert short(checks.check_claim(wanted, early)) == "1 of 1 requirement met"
     assert (
         len(checks.check_claim(scenario(*wanted.expect, {"status": "completed"}), early).missed)
         == 1
@@ -145,11 +146,11 @@ def test_runs_that_end_early_are_no_requirements_of_the_user():
     )
 
     assert claim.total[:3] == (0, 0, 0)
-    assert claim.short == (
+    assert short(claim) == (
         "No requirement ([[expect]]) applies to these runs; 6 of 12 runs ended early"
     )
     assert len(claim.missed) == 6  # the exit status is that of a failure all the same
-    assert bounded.short == "1 of 1 requirement met"
+    assert short(bounded) == "1 of 1 requirement met"
 
 
 MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "saturation_s": 3.0}}
@@ -187,8 +188,8 @@ def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
     found = checks.check_claim(scenario(*expect), [flown(np.deg2rad(2.0), **run)])
 
     assert found.verdict == verdict
-    assert found.sentence.startswith(found.short)
-    assert all(part in found.sentence for part in told), found.sentence
+    assert sentence(found).startswith(short(found))
+    assert all(part in sentence(found) for part in told), sentence(found)
 
 
 @pytest.mark.parametrize(
@@ -207,8 +208,8 @@ def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
     claim = checks.check_claim(scenario(*expect), runs)
 
     assert claim.total == (*counts, 0)
-    assert (f", {counts[2]} not flown" in claim.short) == (counts[2] > 0)
-    assert claim.short.endswith("; 1 of 2 runs ended early") == (counts[3] > 0)
+    assert (f", {counts[2]} not flown" in short(claim)) == (counts[2] > 0)
+    assert short(claim).endswith("; 1 of 2 runs ended early") == (counts[3] > 0)
     assert [check.flown for check in claim.bounds] == [
         check.run == runs[0].label for check in claim.bounds
     ]
@@ -226,7 +227,7 @@ def test_a_bound_above_a_measure_of_one_run_is_none_of_another():
     claim = checks.ClaimCheck(verdict="met", counts=counts, bounds=bounds, missed=())
 
     assert [check.run for check in claim.lower] == ["b"]
-    assert claim.short == "3 of 3 requirements met; 1 asks for a slow or poor flight"
+    assert short(claim) == "3 of 3 requirements met; 1 asks for a slow or poor flight"
 
 
 @pytest.mark.parametrize("step_s", [1.0, 8.5])

@@ -12,6 +12,7 @@ from flighttune.outputs.answers.advice import advice
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed, priority_notes
+from flighttune.outputs.answers.verdict import sentence, short
 
 # Metrics of the printed table; ``--json`` has them all.
 RUN_COLUMNS = columns(
@@ -43,14 +44,16 @@ def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> A
     slopes = slopes_not_held(scenario)
     next_step = advice(scenario, flown.runs, flown.source, slopes)
     # a note already tells how a flight ended
-    sentence = claim.short if failed(flown) else claim.sentence
+    said = sentence(claim)
+    stated = short(claim) if failed(flown) else said
     more = f" ({len(missed) - 1} more)" if missed[1:] else ""
     return Answer(
         values={
             "runs": runs,
             "claim": {
                 "claim": scenario.verifies,
-                **pick(claim, "verdict sentence"),
+                "verdict": claim.verdict,
+                "sentence": said,
                 **pick(claim.total, "requirements met not_flown"),
                 "bounds": [pick(bound, BOUND_KEYS) for bound in claim.bounds],
                 "next": next_step,
@@ -64,7 +67,7 @@ def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> A
         ],
         summary=around.summary,
         notes=[*scenario.notes, *slopes, *around.notes, *notes(flown)],
-        verdict=f"{sentence}. {next_step}" if next_step else f"{sentence.removesuffix('.')}.",
+        verdict=f"{stated}. {next_step}" if next_step else f"{stated.removesuffix('.')}.",
         failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
         status=around.status,
     )

@@ -16,7 +16,7 @@ from flighttune.flight.models import linear_model
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.outputs.answers.tables import dispersions_table, gains_table, margins_table
-from flighttune.studies.meeting import BY_DEFAULT, STARTS, Meeting
+from flighttune.studies.meeting import BY_DEFAULT, Meeting
 
 REQUIREMENT_COLUMNS = columns("run words must_be value start margin", of="requirements")
 SHARE_COLUMNS = [*REQUIREMENT_COLUMNS[:3], *columns("value share share_start", of="shares")]
@@ -47,8 +47,6 @@ def answer(meeting: Meeting) -> Answer:
     certificate = certify_scenario(scenario, meeting.gains, law=law).values
     missed = [f"{subject(row)}: {row['why']}" for row in rows if row["why"]]
     shown, said = SHARE_COLUMNS if meeting.success else REQUIREMENT_COLUMNS, sentence(meeting)
-    starts = [note for note in meeting.notes if note.startswith(STARTS.partition("{}")[0])]
-    others = [note for note in meeting.notes if note not in starts]
     return Answer(
         values={
             **pick(meeting, "status start start_met flights candidates metric"),
@@ -68,15 +66,26 @@ def answer(meeting: Meeting) -> Answer:
             Table(CERTIFICATE_COLUMNS, [certificate], "certificate", aside=True),
             endings_table(meeting.endings),
         ],
-        summary=[said, *starts],
+        summary=[said, *choice_of_start(meeting)],
         notes=[
-            *filter(None, [worse_sentence(meeting), *others, *missed]),
+            *filter(None, [worse_sentence(meeting), *meeting.notes, *missed]),
             *meeting.compiled.notes,
             *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
         ],
         verdict=said,
         failure="" if meeting.status == "met" else said,
     )
+
+
+def choice_of_start(meeting: Meeting) -> list[str]:
+    """Which gains the search compares itself with, and which others were tried; else nothing."""
+    if not meeting.other_starts:
+        return []
+    whose = "gains that the scenario flies" if meeting.start_of_scenario else "tuned gains"
+    return [
+        f"The start is {meeting.start}, the nearest to the requirements of the {whose}; "
+        f"{listed(meeting.other_starts)} were tried too."
+    ]
 
 
 def drawn(meeting: Meeting) -> list[Table]:

@@ -15,6 +15,7 @@ from flighttune.outputs.answers.answer import Table
 from flighttune.outputs.answers.flown import ROUTE_COLUMNS, RUN_COLUMNS
 from flighttune.outputs.answers.labels import columns, in_words
 from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.answers.verdict import short
 from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.palette import HUES, PLANTS, LineStyle
 from flighttune.outputs.drawing.templates import page_template
@@ -96,6 +97,7 @@ def pieces(now: Flown, beside: Beside) -> dict[str, str]:
     whole = {
         "about": panels.flown_in_words(flown.scenario, flown.runs),
         "claim": now.claim,
+        "said": short(now.claim),
         "loop": [(x.heading, x.text(now.loop)) for x in columns(LOOP)] if now.loop else [],
         "sentences": [*early, *_differing(beside.cloud)],
         "legend": dict([*names, *((run.label, style) for run, style in crowd)]).items(),

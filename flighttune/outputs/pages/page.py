@@ -36,6 +36,7 @@ from flighttune.outputs.answers.run import (
     run_styles,
 )
 from flighttune.outputs.answers.tuning import frontier_chart
+from flighttune.outputs.answers.verdict import closest, short
 from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT
 from flighttune.outputs.drawing.templates import page_template
@@ -149,7 +150,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
     claim, around = check_claim(scenario, source.runs), claimed(source.runs)
     convergence = panels.convergence_table(source.runs, claim)
     gaps, without_gap = _gaps(scenario, runs)
-    first = [f"{claim.short}.", f"Converged: {_converged(source, convergence)}."]
+    first = [f"{short(claim)}.", f"Converged: {_converged(source, convergence)}."]
     lacks = [f"{source.lacks}: the rest is about the others."] if source.lacks else []
     next_step = advice(scenario, source.runs, "SCENARIO")
     failed = [around.failure] if around.failure else []
@@ -160,7 +161,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
         summary=tuple(
             dict.fromkeys([*lacks, *around.summary, *first, *failed, *gains_notes(runs)])
         ),
-        closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
+        closest=f"{tightest}." if (tightest := closest(claim)) else "",
         missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
         criterion=TEXTS["converges"].format(
             part=100.0 * panels.CONVERGED_PART, least=panels.CONVERGED_AT_LEAST * DEG_PER_RAD

@@ -12,6 +12,7 @@ import pytest
 from made_up import run_file, run_folder
 
 import flighttune as ft
+from flighttune.outputs.answers.verdict import sentence, short
 from flighttune.outputs.pages.page import LONGEST_LADDER
 
 pytestmark = pytest.mark.slow
@@ -39,8 +40,8 @@ def test_the_answer_stands_before_the_first_figure_in_a_hundred_and_five_words(
 
     assert len(words) <= 105
     claim, converges = written.summary
-    assert claim == f"{flown_paper.claim.short}."
-    assert flown_paper.claim.sentence.startswith(flown_paper.claim.short)
+    assert claim == f"{short(flown_paper.claim)}."
+    assert sentence(flown_paper.claim).startswith(short(flown_paper.claim))
     assert converges == "Converged: kinematic 2/2, jsbsim:aerosonde 1/2."
 
 
