@@ -1,5 +1,6 @@
 """The process of a `Flyer`: ``python -m flighttune.campaigns.engine.server DESCRIPTOR``."""
 
+import gc
 import os
 import pickle
 import resource
@@ -70,6 +71,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
     with _time_limit(COMPILE_S + plan.campaign.time_limit_s):
         warm_up(plan)
+    gc.freeze()  # collections would look at all that is loaded, for a tenth of a short row
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:
