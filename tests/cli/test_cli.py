@@ -183,7 +183,10 @@ def test_every_option_has_a_help_without_words_of_python(command):
         ("fly pa", {"paper", "paper_as_printed", "paper_identified", "paper_printed_limits"}),
         ("campaign first", {"first_campaign"}),
         ("ca", {"campaign"}),
-        ("fly paper --gains tuned", {"tuned", "tuned_identified", "tuned_fed_back"}),
+        (
+            "fly paper --gains tuned",
+            {"tuned", "tuned_identified", "tuned_fed_back", "tuned_gentle"},
+        ),
         ("fly own.toml --gains so", {"soft"}),
         ("trim a", {"a4", "aerosonde"}),
     ],
