@@ -170,7 +170,8 @@ def test_a_log_lies_between_the_flights_that_were_completed():
 
     assert cross == {"of": "cross track", "log": 2.0, "low": 1.0, "high": 3.0, "unit": "m"}
     assert (roll["of"], roll["low"], roll["high"]) == ("commanded roll", 10.0, 12.0)
-    said = within_flights([cross, roll])
+    (said,) = within_flights([cross, roll])
+    assert within_flights([]) == []
     assert "in cross track" in said
     assert "outside of" in said
 
@@ -240,8 +241,9 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     assert "Largest errors of 1; 59 are needed for a bound" in " ".join(out.split())
     shown = page.read_text()
     parts = re.findall(r'<(section|details) id="(\w+)"( open)?', shown)
-    assert parts[:3] == [
+    assert parts[:4] == [
         ("section", "accuracy", ""),
+        ("details", "responses", " open"),
         ("details", "margins", ""),
         ("details", "flown", ""),
     ]

@@ -128,7 +128,7 @@ def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decide
     sentence = r"A flight succeeds if it is completed with [^.]*ITAE of course at most 4 rad\ss²"
     assert re.search(sentence, first)
     assert "Flights by settling time of course (5\u00a0%)" in first  # has most misses
-    assert "settling time of course (5\u00a0%) at most 5 s</span>" in first
+    assert "settling time of course (5\u00a0%) at most 5 s</button>" in first
     assert "initial airspeed" in first
     assert not re.search(r"certified|flight\.\w|chi\.\w", first)
 
@@ -175,4 +175,4 @@ def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
         findings.findings_of(rows, made), tmp_path / "page.html"
     )
 
-    assert "at most 0 rad\u00a0s² (K3)</span>" in made_page.path.read_text(encoding="utf-8")
+    assert "at most 0 rad\u00a0s² (K3)</button>" in made_page.path.read_text(encoding="utf-8")

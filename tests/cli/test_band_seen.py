@@ -63,7 +63,7 @@ def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_p
     page = page_text(made["report"])
     assert f"Counted band: {band.sentence}." in page.replace("</li><li>", " ")
     assert "in calm air; drawn at random: initial course -5 to 5 deg" in page
-    assert page.count("counted band</span>") == 2  # a chart for each error
+    assert page.count("counted band</button>") == 2  # a chart for each error
     assert any(band.sentence in note for note in made["notes"])
 
 
@@ -75,10 +75,10 @@ def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
 
     page = page_text(made["report"])
     assert f"flighttune verify {file} --run {band.nearest}" in page
-    assert page.count(f"draw {band.nearest}, nearest to leaving</span>") == 2
+    assert page.count(f"draw {band.nearest}, nearest to leaving</button>") == 2
     assert sha256(file.read_bytes()).hexdigest() in page
     assert "<td>initial course" in page or "initial course</t" in page
-    assert page.count("24 of 24 inside</span>") == page.count(" 5 outside</span>") == 2
+    assert page.count("24 of 24 inside</button>") == page.count(" 5 outside</button>") == 2
 
 
 @pytest.mark.soak

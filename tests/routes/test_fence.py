@@ -541,7 +541,7 @@ def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, 
     assert ft.load(file).about.fences == (json.loads(box.read_text()),)
     text = page.read_text()
     assert "36 of 40 fresh flights are certainly inside" in text
-    assert text.count("fence</span>") == text.count("Map</") == 1
+    assert text.count("fence</button>") == text.count("Map</") == 1
 
 
 @pytest.mark.counts
