@@ -34,7 +34,7 @@ NOT_RUN = {
     "docs/test_first_mission_page.py": "python mission.py|flighttune verify runs/mission-band",
     "a cluster: campaign/test_faults.py": "flighttune campaign campaign.toml --scheduler",
     "minutes: campaign/test_band.py, campaign/test_mission_band.py": (
-        "flighttune (band|mission (circuit_in_wind|mission.plan --aircraft)) "
+        "flighttune (band|mission (circuit_in_wind|mission.plan --(aircraft|turn-back))) "
         "|flighttune verify mission.npz"
     ),
     "after it: campaign/test_mission_band.py": (
