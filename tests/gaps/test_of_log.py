@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
 import flighttune as ft
-from flighttune.gaps.of_log import FACTORS, _stretches
+from flighttune.gaps.of_log import FACTORS, _Flights, _stretches
 from flighttune.logs.identify import interval_of
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
@@ -228,3 +228,21 @@ def test_stretches_of_a_log_begin_after_its_gaps_and_none_overlap():
     assert starts == pytest.approx(expected, abs=0.01)
     assert not any(((row[0] <= 60.0) & (60.0 <= row[-1])) for row in times)
     assert (np.diff(starts) >= 17.0).all()
+
+
+def test_signals_in_the_air_become_those_over_ground_in_a_wind_from_ahead():
+    """Level north at 20 m/s over ground: a wind of 5 m/s from the north, and a climb of 10 deg."""
+    flights = _Flights.__new__(_Flights)
+    flights.logged = {"chi": np.zeros((1, 3)), "V_g": np.full((1, 3), 20.0)}
+    climb, theta = np.radians(10.0), np.radians(14.0)
+    air = {"chi": 0.0, "gamma": climb, "V_a": 25.0, "theta": theta}
+    air = {name: np.full((1, 3), value) for name, value in air.items()}
+
+    over = flights._over_ground(air, {"wind_north": -5.0})
+
+    level = 25.0 * math.cos(climb) - 5.0
+    steeper = math.atan2(25.0 * math.sin(climb), level)
+    assert over["gamma"] == pytest.approx(np.full((1, 3), steeper))
+    assert over["nose"] == pytest.approx(np.full((1, 3), theta - steeper))
+    assert over["tail"] == pytest.approx(np.full((1, 3), level - 25.0))
+    assert over["chi"] == pytest.approx(np.zeros((1, 3)), abs=1e-12)

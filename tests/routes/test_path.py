@@ -314,3 +314,12 @@ def test_a_corner_that_is_rounded_far_from_its_waypoint_says_how_far(corner):
 
     said = [float(note.split()[-2]) for note in planned.changed]
     assert said == ([pytest.approx(away, rel=0.02)] if away > 90.0 else [])
+
+
+def test_waypoints_by_north_and_east_count_from_the_first():
+    places = [{"north_m": 100.0, "east_m": -50.0}, {"north_m": 900.0, "east_m": 250.0}]
+    stated = ft.load_scenario("circuit", changes={"route.waypoint": places}).route
+
+    found = [(point.north, point.east) for point in stated.waypoints()]
+
+    assert found == [(0.0, 0.0), (800.0, 300.0)]

@@ -1,5 +1,7 @@
 """No flight leaves a tube: laws, plants, gains, limits and references as hypothesis finds them."""
 
+import math
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +13,7 @@ from made_up_tubes import BRAKING_LATE, DEG, EXACT_PAPER, FEW_PIECES, all_stay, 
 import flighttune as ft
 from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.exact import enclosure_of
+from flighttune.claims.tubes.interval import Interval, Unbounded
 from flighttune.claims.tubes.sample import start_set
 from flighttune.claims.tubes.search import Search
 
@@ -119,6 +122,50 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     assert half_widths[0] < 0.01 * D * h
     assert half_widths[1:3] == pytest.approx([0.5 * D * h, 1.5 * D * h], rel=0.01)
     assert half_widths[3] < 1.1 * D * h
+
+
+@pytest.mark.parametrize("sides", [1, 2, 5])
+def test_the_pieces_of_the_starts_cover_all_of_them_and_little_more(sides):
+    within, problem = 0.3 * DEG, tubes.stated_problem(tube_scenario(), ft.PAPER_GAINS)
+    pieces = start_set(problem.loop, within, sides=sides, symbols=120)
+    centre = np.array(problem.loop.start[:2])
+    state = [form.widened(0.0) for form in pieces.forms()[:2]]
+    low, high = (
+        np.array([getattr(pieces.plain_range(x), end) for x in state]).T - centre
+        for end in ("low", "high")
+    )
+
+    starts = np.random.default_rng(1).uniform(-within, within, (500, 2))
+    starts[:2] = [within, within], [-within, within]
+    inside = ((low <= starts[:, None]) & (starts[:, None] <= high)).all(axis=2)
+
+    assert inside.any(axis=1).all()
+    assert np.abs([low, high]).max() < within * (1.0 + 1e-6)
+    assert (high - low).max() < 2.0 * within / sides * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("across", "lift", "brake", "said"),
+    [
+        # level and vertical lift of two pieces, of which the second alone is not inverted
+        ([0.1, 0.1], [1.0, 0.0], math.inf, "at its floor"),
+        ([0.1, 3.0], [1.0, 2.0], math.inf, "more than the largest load factor"),
+        ([0.1, 1.9], [1.0, 1e-2], math.inf, "next to 90 deg"),
+        ([0.1, 0.1], [1.0, 1.0], 0.0, "brakes"),
+        # beyond 2.5 together, but enough for the vertical lift at the largest roll, 60 deg
+        ([0.1, 3.0], [1.0, 1.0], math.inf, None),
+    ],
+)
+def test_one_piece_beyond_what_the_exact_law_inverts_stops_the_tube(across, lift, brake, said):
+    scenario = with_exact(tube_scenario(n_z_max=2.5, roll_deg=60.0), {"kind": "kinematic"})
+    loop = tubes.stated_problem(scenario, EXACT_PAPER, start=0.1 * DEG).loop
+    enclosure = enclosure_of(loop, start_set(loop, 0.1 * DEG, sides=1, symbols=660), Search(loop))
+    enclosure._law = enclosure._law._replace(lift_floor=1e-3, brake=brake)
+    errors = enclosure._errors(0, enclosure.pieces.forms())
+    a, b = (Interval(np.array(x) - 1e-9, np.array(x) + 1e-9) for x in (across, lift))
+
+    with nullcontext() if said is None else pytest.raises(Unbounded, match=said):
+        enclosure._check_plain(errors, a, b)
 
 
 @pytest.mark.soak
