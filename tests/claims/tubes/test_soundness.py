@@ -154,10 +154,16 @@ def test_the_pieces_of_the_starts_cover_all_of_them_and_little_more(sides):
         ([0.1, 0.1], [1.0, 1.0], 0.0, "brakes"),
         # beyond 2.5 together, but enough for the vertical lift at the largest roll, 60 deg
         ([0.1, 3.0], [1.0, 1.0], math.inf, None),
+        ([0.1, 3.0], [1.0, 1.3], math.inf, "more than the largest load factor"),
     ],
 )
-def test_one_piece_beyond_what_the_exact_law_inverts_stops_the_tube(across, lift, brake, said):
-    scenario = with_exact(tube_scenario(n_z_max=2.5, roll_deg=60.0), {"kind": "kinematic"})
+@pytest.mark.parametrize("roll_deg", [[-60.0, 60.0], [-60.0, 20.0], [-20.0, 60.0]])
+def test_one_piece_beyond_what_the_exact_law_inverts_stops_the_tube(
+    across, lift, brake, said, roll_deg
+):
+    tables = tube_scenario(n_z_max=2.5).as_dict()
+    tables["limits"]["phi_deg"] = roll_deg
+    scenario = with_exact(ft.scenario_from(tables), {"kind": "kinematic"})
     loop = tubes.stated_problem(scenario, EXACT_PAPER, start=0.1 * DEG).loop
     enclosure = enclosure_of(loop, start_set(loop, 0.1 * DEG, sides=1, symbols=660), Search(loop))
     enclosure._law = enclosure._law._replace(lift_floor=1e-3, brake=brake)
