@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
@@ -13,13 +14,14 @@ from flighttune.base.errors import InputError, ScenarioError
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import scenario_of_run
-from flighttune.claims import counting
+from flighttune.claims import counting, mission
 from flighttune.claims.hourly_flights import Ends, check_rates
 from flighttune.claims.leaving import Alarms, Volume
 from flighttune.claims.per_hour import FlownTerm, PerHour, count_per_hour, load_per_hour
 from flighttune.claims.rates_keys import KINDS, HowEnded, RatesTable, load_rates
 from flighttune.gaps.watch import SignalModel
 from flighttune.outputs.answers import per_hour as answers
+from flighttune.routes.volumes import CONTINGENCY
 
 FAULT = 'kind = "engine"\nper_hour = 1e-3\nsource = "a log"\n'
 STUCK = 'kind = "rudder_stuck"\nper_hour = 1e-3\nsource = "a log"\n'
@@ -244,3 +246,22 @@ def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
     )
     said = " ".join(hourly.answer().summary)
     assert "The target holds if a flight is ended within 2 s of a stuck aileron." in said
+
+
+def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hole_within():
+    planned = ft.route("circuit")  # a loop that is wider than twice the room
+    path, (band, room) = planned.reference.path, (SimpleNamespace(claims=True) for _ in "ab")
+    band.flights = SimpleNamespace(route=planned, central=planned.scenario)
+    around = SimpleNamespace(width=30.0, high=40.0)
+    room.volumes = lambda _: {CONTINGENCY: around}
+
+    volume = mission._operational_volume(SimpleNamespace(band=band, room=room), {}, Path())
+
+    at = path.beside(path.points(200.0))[:, :3]
+    off = [[-25.0, 0.0, 0.0], [-35.0, 0.0, 0.0], [*at[:, :2].mean(axis=0), 0.0]]
+    beside = volume.margins(np.vstack([np.column_stack([at[:, :2], np.zeros(len(at))]), off]))
+    assert (beside[: len(at), 0] > 25.0).all()
+    inside, outside, hole = beside[-3:, 0]
+    assert inside > 0.0 > max(outside, hole)
+    ground, start = planned.scenario.flight.ground_m, planned.scenario.flight.h_m
+    assert volume.high == pytest.approx(40.0 + ground - start)

@@ -323,3 +323,15 @@ def test_waypoints_by_north_and_east_count_from_the_first():
     found = [(point.north, point.east) for point in stated.waypoints()]
 
     assert found == [(0.0, 0.0), (800.0, 300.0)]
+
+
+def test_a_route_descends_no_steeper_than_it_states():
+    """100 m down over 1000 m is 5.7 deg."""
+    places = [{"north_m": n, "east_m": 0.0, "up_m": up} for n, up in ((0.0, 0.0), (1000.0, -100.0))]
+    steep, shallow = (
+        {"route.waypoint": places, "route.gamma_deg": [low, 10.0]} for low in (-6, -5)
+    )
+
+    assert ft.route("circuit", changes=steep).reference.path.length == pytest.approx(1000.0)
+    with pytest.raises(ft.InputError, match="deg"):
+        ft.route("circuit", changes=shallow)

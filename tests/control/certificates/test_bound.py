@@ -99,6 +99,17 @@ def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star)
         assert optimum.R_K < bound.R_bound < 1.02 * optimum.R_K
 
 
+@pytest.mark.parametrize(
+    ("I_star", "R_bound", "none"), [(2.0, 0.6, False), (0.5, 1.5, True), (4.0, 0.25, True)]
+)
+def test_no_gains_exist_where_the_bound_times_i_star_is_at_most_one(bound, I_star, R_bound, none):
+    # I_K >= 1 / R_K for all gains
+    said = replace(bound, I_star=I_star, R_bound=R_bound).sentence
+
+    assert ("none exist" in said) == none
+    assert (f"R_K <= {R_bound:g}" in said) != none
+
+
 def test_a_search_without_a_proof_ends(monkeypatch):
     monkeypatch.setattr(bound_module, "MAX_BOXES", 20)
 
