@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from flighttune.gaps.compare import _paired
+import flighttune as ft
+from flighttune.gaps.compare import _paired, _source
 
 
 def runs(*labels):
@@ -34,3 +35,12 @@ def test_runs_are_paired_by_label_else_by_what_one_side_has_alone(a, b, pairs):
     a, b = runs(*a), runs(*b)
 
     assert [(a.index(x), b.index(y)) for x, y in _paired(a, b)] == pairs
+
+
+@pytest.mark.slow
+def test_sources_are_lettered_in_their_order():
+    flown = ft.fly("paper", gains=["paper"])
+
+    names = [_source(source, place, ()).name for place, source in enumerate([flown, *flown.runs])]
+
+    assert [name[:3] for name in names] == ["A: ", "B: ", "C: "][: len(names)]
