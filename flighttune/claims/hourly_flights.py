@@ -106,7 +106,7 @@ class TermFlights:
         return leaving.how == "cut" and leaving.alarms is None and leaving.after_s is not None
 
     def _to_end(self, flown: Mapping[int, Left]) -> list[int]:
-        """Runs to fly again as they end: inside when they are ended."""
+        """Runs that are still inside when they are ended; they fly again as they end."""
         if self.leaving.how == "parachute":
             return []  # its descent follows from the state
         return [
@@ -116,7 +116,7 @@ class TermFlights:
         ]
 
     def _ending(self, flown: Left) -> dict[str, float]:
-        """The values of a flight that is ended as it was found to be."""
+        """Values with which a flight is ended at the time and place that were found."""
         values = {}
         if self.leaving.how in ("cut", "glide"):
             values[ENDED_S] = flown.ended_s
@@ -138,7 +138,7 @@ class TermFlights:
         for _ in range(ATTEMPTS):
             missing = [run for run in runs if run not in flown]
             rows = pool.rows(plan, missing, doing=doing, probes={"left": self.leaving}, draws=draws)
-            # Of a row only these numbers are kept: a count may have 10^6 flights.
+            # Only these numbers of a row are kept: a count may have 10^6 flights.
             flown |= {row["run"]: Left(*row["left"]) for row in rows if "left" in row}
         return {run: flown.get(run, AT_ITS_START) for run in runs}
 

@@ -27,7 +27,7 @@ SLOWEST, FREQUENCIES = 1e-3, 300
 
 
 def tuning_noise(scenario: Scenario, law: Law) -> Noise | None:
-    """The noise for which [tuning] asks gains that are not too busy; None if it names no grade.
+    """The noise for which gains are tuned under bounds on command rates; None without a grade.
 
     Gusts are those of light Dryden turbulence below 1000 ft, of MIL-F-8785C. An aircraft follows
     them with the lags of its free airframe, which is linearised in level flight.

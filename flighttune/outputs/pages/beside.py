@@ -36,7 +36,7 @@ def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
         parts={
             "responses": Section(
                 title=f"One flight with both, draw {draw}",
-                note="With your guidance, its error is the median of all draws.",
+                note="Its error with your guidance is the median of all draws.",
                 charts=overview(flights) if flights else (),
             ),
             "accuracy": Section(
