@@ -13,6 +13,7 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, ScenarioError, TrimError, need
 from flighttune.base.files import code
 from flighttune.base.files.table import validated
+from flighttune.base.signatures import with_short_signatures
 from flighttune.base.units import DEG, wrap_angle
 from flighttune.campaigns.planning import plan, schema, source
 from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
@@ -54,6 +55,7 @@ NAME, WORLD = "flighttune/Flight-v0", "level_turn"
 MAX_DRAWS = 100
 
 
+@with_short_signatures
 class FlightEnv(Env):
     """Gymnasium environment in which an agent commands roll and load factor in place of a law.
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import got, is_number
 from flighttune.base.errors import InputError
+from flighttune.base.signatures import short_signature
 
 Call = TypeVar("Call", bound=Callable[..., Any])
 Kind = TypeVar("Kind")
@@ -54,7 +55,7 @@ def checked(call: Call) -> Call:
         check(call, args, options)
         return call(*args, **options)
 
-    setattr(wrapped, "__signature__", _annotations(call)[0])  # noqa: B010
+    setattr(wrapped, "__signature__", short_signature(_annotations(call)[0]))  # noqa: B010
     return typing.cast("Call", wrapped)
 
 

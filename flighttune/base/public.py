@@ -44,9 +44,13 @@ def public_value(namespace: str, name: str) -> Any:
 
 @cache
 def _checked(namespace: str, value: Any) -> Any:
-    """A function of a public name, whose arguments are held to its annotations; else the value."""
+    """A function whose arguments are held to its annotations, a class with short signatures."""
     from types import FunctionType
 
+    if isinstance(value, type):
+        from flighttune.base.signatures import with_short_signatures
+
+        return with_short_signatures(value)
     if not isinstance(value, FunctionType):
         return value
     from flighttune.base.arguments import checked

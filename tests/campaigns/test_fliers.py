@@ -48,9 +48,9 @@ def test_a_verb_has_the_keywords_of_all_and_refuses_others_by_its_name(name):
     verb = getattr(ft, name)
     parameters = inspect.signature(verb).parameters
 
-    for key, kind in FlownBy.__annotations__.items():
+    for key in FlownBy.__annotations__:
         assert parameters[key].kind is inspect.Parameter.KEYWORD_ONLY
-        assert (parameters[key].default, parameters[key].annotation) == (None, kind)
+        assert parameters[key].default is None
     assert not any(x.kind is inspect.Parameter.VAR_KEYWORD for x in parameters.values())
     source = ["nowhere"] * (2 if name == "run_campaign" else 1)
     with pytest.raises(TypeError, match=rf"{name}\(\) got an unexpected keyword argument 'wrkers'"):
