@@ -1,16 +1,18 @@
 """The flights of a claim per flight hour: their plans, and how they are flown until they end."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from flighttune.base.errors import InputError
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Choice, Uniform
+from flighttune.campaigns.statistics.per_hour import Count
 from flighttune.claims.counted_flights import rebuilt
 from flighttune.claims.leaving import AT_ITS_START, NEVER, Alarms, Leaving, Left, Volume
 from flighttune.claims.rates_keys import MANOEUVRES, FaultRateTable, HowEnded, RatesTable
@@ -30,6 +32,46 @@ LONGEST = 3.0
 
 # Time allowed for the manoeuvre of an ending, relative to that in still air.
 MANOEUVRE = 2.0
+
+Time: TypeAlias = Annotated[float, Field(ge=0.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlownTerm:
+    """The flights of one term: when each left the volume, was ended, and when its record ends."""
+
+    fault: int | None  # place in the file of rates; None without a fault
+    ended_s: float | None  # time from fault to ending
+    left_s: tuple[float, ...]  # -1: it stayed inside
+    end_s: tuple[Time, ...]
+    ended_at_s: tuple[float, ...]  # -1: it was not ended
+
+    def __post_init__(self) -> None:
+        if not len(self.left_s) == len(self.end_s) == len(self.ended_at_s):
+            raise InputError("`terms` must have three times of each flight.")
+
+    def __len__(self) -> int:
+        return len(self.left_s)
+
+    def with_flights(self, flown: Iterable[Left]) -> "FlownTerm":
+        """The term with further flights."""
+        left, end, ended_at, _ = zip(*flown, strict=True)
+        return replace(
+            self,
+            left_s=(*self.left_s, *left),
+            end_s=(*self.end_s, *end),
+            ended_at_s=(*self.ended_at_s, *ended_at),
+        )
+
+    @property
+    def count(self) -> Count:
+        """Flights that left, of all."""
+        return Count(outside=sum(left >= 0.0 for left in self.left_s), flights=len(self))
+
+    @property
+    def ended(self) -> int:
+        """Number of flights that were ended."""
+        return sum(at >= 0.0 for at in self.ended_at_s)
 
 
 def hourly_plan(plan: Plan) -> Plan:
@@ -94,6 +136,7 @@ class TermFlights:
         flown = self._flown(pool, plan, runs, doing)
         if again := self._to_end(flown):
             values = [plan.values_of(run) for run in range(plan.runs)]
+            pool.progress.budget += len(again) * bool(pool.progress.budget)
             for run in again:
                 values[run] |= self._ending(flown[run])
             flown |= self._flown(pool, plan, again, f"{doing}: their ends", values)

@@ -30,7 +30,7 @@ from flighttune.claims.leaving import Alarms, Volume
 from flighttune.claims.per_hour import PerHour, count_per_hour
 from flighttune.claims.rates_keys import RatesTable, load_rates
 from flighttune.claims.turn_back import TurnBack
-from flighttune.claims.unfinished import Unfinished
+from flighttune.claims.unfinished import Unfinished, unfinished_beside
 from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
@@ -251,9 +251,9 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         each flight draws its wind from the forecast's range at the mission's heights over all
         members and these times, instead of 0 to 8 m/s from anywhere.
     out : str or Path, optional
-        File (.npz) of the band to write, as its `save` does; the room and its volumes are written
-        beside it. From 250 flights on ``OUT-unfinished.npz`` has those counted so far, with which
-        the same count goes on if it was killed.
+        File (.npz) of the band to write, as its `save` does; the other answers are written beside
+        it. From 250 flights on each count writes those so far into a file ``...-unfinished``, with
+        which the same command goes on if it was killed.
     seed, changes, run_code, workers, scheduler, observer : as for `band`
 
     Returns
@@ -324,14 +324,18 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
         if turning is not None:
-            odds = odds.with_room(_counted_room(turning, flown.place, claim, fliers))
+            odds = odds.with_room(_counted_room(turning, flown.place, claim, file, fliers))
         if declared is not None:
-            volume = _operational_volume(odds, areas, fence)
-            odds = odds.with_rate(
-                count_per_hour(
-                    flown.plan, declared, volume, alarms=alarms, confidence=hourly, fliers=fliers
-                )
+            rate = count_per_hour(
+                flown.plan,
+                declared,
+                _operational_volume(odds, areas, fence),
+                alarms=alarms,
+                confidence=hourly,
+                unfinished=None if file is None else unfinished_beside(per_hour_beside(file)),
+                fliers=fliers,
             )
+            odds = odds.with_rate(rate)
         return odds
 
 
@@ -392,17 +396,24 @@ def _operational_volume(odds: MissionOdds, areas: dict[str, Any], fence: Path) -
     )
 
 
-def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> TurnBack:
-    """Count the room that flights need to turn back."""
-    return counting.counted_on(
+def _counted_room(
+    turning: Plan, place: str, claim: Odds, file: Path | None, fliers: Fliers
+) -> TurnBack:
+    """Count the room that flights need to turn back; it is written beside the band's file."""
+    unfinished = None if file is None else Unfinished.beside(FilesBeside.of(file).room)
+    room = counting.counted_on(
         TurnBack,
         turning,
         Fixed.enough(None, *claim, outside=OUTSIDE),
         place=place,
         learn=LEARN_TURNS,
         judged=lambda turns: turns,
+        unfinished=unfinished,
         fliers=fliers,
     )
+    if unfinished is not None:
+        unfinished.remove()
+    return room
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -484,11 +495,13 @@ class _NewFlights:
         )
 
     def save(self, band: Band, file: Path) -> None:
-        """Save the count, and remove the room and volumes of an earlier count."""
-        beside = FilesBeside.of(file)
+        """Save the count, and remove what an earlier count wrote beside it."""
+        beside, hourly = FilesBeside.of(file), per_hour_beside(file)
         if file.exists() and beside.room.exists() and kind_of(beside.room) == BAND:
             remove_file(beside.room)
             beside.remove_volumes()
+        if hourly.exists() and kind_of(hourly) == PER_HOUR:
+            remove_file(hourly)
         keep_on_error(file)
         band.save(file)
         if self.unfinished is not None:

@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from flighttune.base.answering import Answering
 from flighttune.base.errors import InputError
@@ -21,9 +21,11 @@ from flighttune.campaigns.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.campaigns.statistics.count import chance_missed, flights_again, flights_needed
 from flighttune.campaigns.statistics.per_hour import Count, Exposure, HourlyBound, hourly_bound
 from flighttune.claims.about import Probability
-from flighttune.claims.hourly_flights import Ends, TermFlights, check_rates, hourly_plan
+from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights, check_rates, hourly_plan
 from flighttune.claims.leaving import Alarms, Volume
 from flighttune.claims.rates_keys import RatesTable
+from flighttune.claims.unfinished import written_at
+from flighttune.claims.unfinished_hours import KeptTerms
 from flighttune.control.theory.exact import Verification
 
 # Times since a fault at which flights are ended to find the latest, s, in rising order.
@@ -35,29 +37,6 @@ SHORTER, SHORTER_BY_ALARMS = 0.01, 0.05
 
 # Share of the confidence's complement, and epsilon, of flights that a check repeats.
 AGAIN = 0.05
-
-Time: TypeAlias = Annotated[float, Field(ge=0.0)]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlownTerm:
-    """The flights of one term: when each left the volume, was ended, and when its record ends."""
-
-    fault: int | None  # place in the file of rates; None without a fault
-    ended_s: float | None  # time from fault to ending
-    left_s: tuple[float, ...]  # -1: it stayed inside
-    end_s: tuple[Time, ...]
-    ended_at_s: tuple[float, ...]  # -1: it was not ended
-
-    @property
-    def count(self) -> Count:
-        """Flights that left, of all."""
-        return Count(outside=sum(left >= 0.0 for left in self.left_s), flights=len(self.left_s))
-
-    @property
-    def ended(self) -> int:
-        """Number of flights that were ended."""
-        return sum(at >= 0.0 for at in self.ended_at_s)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,16 +75,14 @@ class PerHour(Answering):
     UNITS: ClassVar[Mapping[str, str]] = {"volume": "m"}
 
     def __post_init__(self) -> None:
-        numbers = [len(term.left_s) for term in self.terms]
-        table = self.table
+        table, numbers = self.table, [len(term) for term in self.terms]
         stated = [table.flights, *(fault.flights for fault in table.fault)]
         faults = [term.fault for term in self.terms]
         ends = [(None, *(x.ended_s for x in table.fault)), tuple(x.ended_s for x in self.terms)]
         fit = numbers == stated and faults == [None, *range(len(table.fault))]
-        lengths = {len(x) - n for x, n in _columns(*self.terms, *self.later)}
-        if not fit or ends[0] != ends[1] or lengths != {0}:
+        if not fit or ends[0] != ends[1]:
             raise InputError("`terms` must be the flights that `rates` states.")
-        tried = [(term.fault, len(term.left_s)) for term in self.later]
+        tried = [(term.fault, len(term)) for term in self.later]
         largest = {
             (i, table.fault[i].flights) for i in (x.fault for x in self.later) if i is not None
         }
@@ -209,7 +186,7 @@ class PerHour(Answering):
         """Repeat `count` random flights of each term with JSBSim, and compare all their numbers."""
         rng, notes = np.random.default_rng(), []
         for term in (*self.terms, *self.later):
-            flights = len(term.left_s)
+            flights = len(term)
             again = min(flights, flights_again(AGAIN) if count is None else count)
             runs = np.sort(rng.choice(flights, again, replace=False)).tolist()
             try:
@@ -248,13 +225,20 @@ def count_per_hour(
     *,
     alarms: Alarms | None = None,
     confidence: float,
+    unfinished: Path | None = None,
     fliers: Fliers,
 ) -> PerHour:
-    """Fly the flights of all terms of a file of rates, and bound the exits per flight hour."""
+    """Fly the flights of all terms of a file of rates, and bound the exits per flight hour.
+
+    A count that was killed goes on with those in the file `unfinished`.
+    """
     check_rates(plan, rates)
     plan = hourly_plan(plan)
+    ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
     with WorkerPool(fliers) as pool:
-        flying = _Flying(pool, Ends(plan=plan, rates=rates, volume=volume, alarms=alarms))
+        flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
+        pool.progress.budget = sum(map(rates.flights_of, (None, *range(len(rates.fault)))))
+        pool.progress.budget -= flying.kept.flights
         healthy = flying.term(None, None, 0.0)
         # The flights without a fault say how long a flight lasts.
         window_s = max(healthy.end_s)
@@ -267,7 +251,9 @@ def count_per_hour(
             alarms=alarms,
             terms=(healthy, *faults),
         )
-        return replace(counted, later=tuple(flying.later(counted)))
+        counted = replace(counted, later=tuple(flying.later(counted)))
+        flying.kept.remove()
+        return counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,16 +262,19 @@ class _Flying:
 
     pool: WorkerPool
     ends: Ends
+    kept: KeptTerms
 
     def term(self, fault: int | None, ended_s: float | None, window_s: float) -> FlownTerm:
-        """The flights of a term."""
-        rates = self.ends.rates
-        number = rates.flights if fault is None else rates.fault[fault].flights
+        """The flights of a term, after those that are kept of it."""
+        rates, number = self.ends.rates, self.ends.rates.flights_of(fault)
         flights = self.ends.term(fault, ended_s, window_s)
-        doing = f"counting {rates.name_of(fault, ended_s)}"
-        flown = flights.flown(self.pool, range(number), doing)
-        left, end, ended_at, _ = zip(*flown, strict=True)
-        return FlownTerm(fault=fault, ended_s=ended_s, left_s=left, end_s=end, ended_at_s=ended_at)
+        term = self.kept.begun(fault, ended_s)
+        stops = [n for n in (*written_at(number), number) if n > len(term)]
+        for begin, end in pairwise([len(term), *stops]):
+            doing = f"counting {rates.name_of(fault, ended_s)}"
+            term = term.with_flights(flights.flown(self.pool, range(begin, end), doing))
+            self.kept.keep(term)
+        return term
 
     def later(self, counted: PerHour) -> Iterator[FlownTerm]:
         """Flights with the fault of the largest term, ended later while the target holds."""
@@ -298,17 +287,11 @@ class _Flying:
         if bound.total - bound.faults[fault] >= target:
             return  # no time of ending is early enough
         for ended_s in (x for x in LATER_S if x >= (table.detected_s or 0.0)):
+            self.pool.progress.budget += table.flights
             term = self.term(fault, ended_s, counted.exposure.window_s)
             yield term
             if counted.total_with(term) > target:
                 return
-
-
-def _columns(*terms: FlownTerm) -> Iterator[tuple[tuple[float, ...], int]]:
-    """The columns of numbers of terms, each with the number of its flights."""
-    for term in terms:
-        for column in (term.end_s, term.ended_at_s):
-            yield column, len(term.left_s)
 
 
 def healthy_flights_for(hourly: PerHour) -> int | None:

@@ -166,6 +166,10 @@ class RatesTable(q.Table):
         when = " or ".join([*after, *alarm])
         return f"{name}, {self.ending_of(fault).replace('_', ' ')} {when}" if when else name
 
+    def flights_of(self, fault: int | None) -> int:
+        """Number of flights with a fault, or without one."""
+        return self.flights if fault is None else self.fault[fault].flights
+
     def ending_of(self, fault: int | None) -> HowEnded:
         """How a flight with a fault, or without one, is ended."""
         own = None if fault is None else self.fault[fault].ending

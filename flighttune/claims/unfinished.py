@@ -20,6 +20,11 @@ C = TypeVar("C", bound=Counted)
 FIRST, GROWN = 250, 0.125
 
 
+def unfinished_beside(file: Path) -> Path:
+    """The file of an unfinished count, beside the file that will hold it."""
+    return Path(f"{file.with_suffix('')}-unfinished{file.suffix}")
+
+
 def written_at(flights: int) -> list[int]:
     """Numbers of flights, below the planned number, after which a count is written."""
     numbers = [FIRST]
@@ -35,9 +40,9 @@ class Unfinished:
     file: Path
 
     @classmethod
-    def beside(cls, band: Path) -> "Unfinished":
+    def beside(cls, counted: Path) -> "Unfinished":
         """The file of an unfinished count, beside the file that will hold it."""
-        return cls(file=Path(f"{band.with_suffix('')}-unfinished.npz"))
+        return cls(file=unfinished_beside(counted))
 
     def begun(self, count: C, observer: CampaignObserver) -> C:
         """The count with the flights in the file, if they belong to it."""

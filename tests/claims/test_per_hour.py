@@ -15,9 +15,9 @@ from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting, mission
-from flighttune.claims.hourly_flights import Ends, check_rates
+from flighttune.claims.hourly_flights import Ends, FlownTerm, check_rates
 from flighttune.claims.leaving import Alarms, Volume
-from flighttune.claims.per_hour import FlownTerm, PerHour, count_per_hour, load_per_hour
+from flighttune.claims.per_hour import PerHour, count_per_hour, load_per_hour
 from flighttune.claims.rates_keys import KINDS, HowEnded, RatesTable, load_rates
 from flighttune.gaps.watch import SignalModel
 from flighttune.outputs.answers import per_hour as answers

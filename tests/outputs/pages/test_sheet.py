@@ -13,9 +13,10 @@ from made_up_band import count_of
 
 import flighttune as ft
 from flighttune.claims import counted_flights
+from flighttune.claims.hourly_flights import FlownTerm
 from flighttune.claims.leaving import Volume
 from flighttune.claims.mission import MissionOdds, per_hour_beside
-from flighttune.claims.per_hour import FlownTerm, PerHour
+from flighttune.claims.per_hour import PerHour
 from flighttune.claims.rates_keys import KINDS
 from flighttune.claims.turn_back import TurnBack
 from flighttune.outputs.pages.claim import write_claim_page

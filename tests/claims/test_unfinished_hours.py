@@ -1,0 +1,142 @@
+"""Counts per flight hour that are killed go on to the same file; those of earlier counts go."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import tomllib
+
+import pytest
+from plans import item, plan_file, waypoint
+
+import flighttune as ft
+from flighttune.claims import counting
+from flighttune.claims.hourly_flights import Ends, FlownTerm
+from flighttune.claims.leaving import Volume
+from flighttune.claims.rates_keys import RatesTable
+from flighttune.claims.unfinished_hours import KeptTerms
+
+# The fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2.
+FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 9, "workers": 1}
+
+# 24 flights: a term is written after 4, 5, ... of them.
+RATES = """
+flights = 12
+[ending]
+kind = "turn_back"
+[[fault]]
+kind = "engine"
+per_hour = 1e-6
+source = "a log"
+flights = 6
+[[fault]]
+kind = "link_lost"
+per_hour = 1e-5
+source = "a log"
+flights = 6
+ended_s = 0.5
+"""
+
+# Killed by itself after so many flights of what it says that it does.
+KILLED = f"""
+import os, signal, sys
+import flighttune as ft
+from flighttune.claims import unfinished
+unfinished.FIRST = 4
+class Killed(ft.CampaignObserver):
+    def see(self, progress):
+        if progress.doing.startswith(sys.argv[3]) and progress.flown >= int(sys.argv[4]):
+            os.kill(os.getpid(), signal.SIGKILL)
+plan, folder = sys.argv[1:3]
+ft.mission(plan, out=f"{{folder}}/m.npz", rates="rates.toml", observer=Killed(), **{FEW!r})
+"""
+
+
+class Seen(ft.CampaignObserver):
+    """Keeps what is said."""
+
+    def __init__(self):
+        self.said = []
+
+    def hear(self, sentence):
+        self.said.append(sentence)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with a mission of 15 s in a wide fence, its rates, and its whole count."""
+    folder = tmp_path_factory.mktemp("hours")
+    area = [[47.3, 8.4], [47.3, 8.6], [47.5, 8.6], [47.5, 8.4]]
+    fence = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": area}]}
+    start = item(22, 15, 0, 0, None, 47.4, 8.5, 60)
+    plan_file(folder / "m.plan", start, waypoint(47.403, 8.5, 60), geoFence=fence)
+    (folder / "rates.toml").write_text(RATES)
+    ft.mission(folder / "m.plan", out=folder / "m.npz", rates=folder / "rates.toml", **FEW)
+    return folder
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("doing", "flown", "kept"),
+    [
+        ("counting healthy flight", 9, 9),
+        ("counting engine", 14, 12),
+        ("counting link lost, turn back after 0.5 s: their ends", 23, 18),
+    ],
+)
+def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(
+    place, tmp_path, doing, flown, kept
+):
+    command = [sys.executable, "-c", KILLED, place / "m.plan", tmp_path, doing, str(flown)]
+    done = subprocess.run(command, cwd=place, check=False)
+    assert done.returncode == -signal.SIGKILL
+    left = {x.name for x in tmp_path.glob("[!.]*")}
+    assert left == {"m-unfinished.npz", "m-per-hour-unfinished.json"}  # no file of the answer
+
+    seen = Seen()
+    out, rates = tmp_path / "m.npz", place / "rates.toml"
+    ft.mission(place / "m.plan", out=out, rates=rates, observer=seen, **FEW)
+
+    file = tmp_path / "m-per-hour-unfinished.json"
+    assert seen.said[-1] == f"{file}: {kept} flights are counted already."
+    names = {"m.npz", "m-per-hour.json"}
+    assert {x.name for x in tmp_path.glob("[!.]*")} == names
+    for name in names:
+        assert (tmp_path / name).read_bytes() == (place / name).read_bytes()
+
+
+@pytest.mark.soak
+def test_a_new_count_without_rates_leaves_none_of_an_earlier_one(place, tmp_path):
+    for name in ("m.npz", "m-per-hour.json"):
+        shutil.copy(place / name, tmp_path)
+    (tmp_path / "m-turn-back.npz").write_text("a file of somebody else")
+    ft.mission(place / "m.plan", out=tmp_path / "m.npz", seed=3, **FEW)
+
+    assert {x.name for x in tmp_path.glob("[!.]*")} == {"m.npz", "m-turn-back.npz"}
+
+
+@pytest.mark.parametrize("other", [{"flights": 13}, None])
+def test_flights_of_another_count_are_not_gone_on_with(tmp_path, other):
+    stated = ft.flights("circuit_in_wind").knowing(None)
+    plan = counting.drawn(stated, None, None, None, None)
+    volume = Volume(
+        rings=(((0.0, 0.0), (0.0, 9.0), (9.0, 9.0)),), outside=(False,), low=None, high=9.0
+    )
+
+    def ends(**more):
+        rates = RatesTable.model_validate({**tomllib.loads(RATES), **more})
+        return Ends(plan=plan, rates=rates, volume=volume, alarms=None)
+
+    file, seen = tmp_path / "hours.json", Seen()
+    healthy = {"fault": None, "ended_s": None}
+    term = FlownTerm(**healthy, left_s=(-1.0, 4.0), end_s=(9.0, 4.0), ended_at_s=(-1.0, -1.0))
+    KeptTerms(ends(), file, seen).keep(term)
+    assert KeptTerms(ends(), file, seen).begun(**healthy) == term
+    assert seen.said == [f"{file}: 2 flights are counted already."]
+
+    if other is None:
+        file.write_text(file.read_text()[:-9])
+    kept = KeptTerms(ends(**(other or {})), file, seen)
+    assert kept.flights == len(kept.begun(**healthy)) == 0
+    assert seen.said[1].startswith(str(file))
+    assert seen.said[1].endswith(": it is counted from the beginning.")
