@@ -254,7 +254,7 @@ def _lobatto() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Nodes on (0, 1); matrices from values at them to sums (NODES, 3) and halves (NODES, 32)."""
     last = np.polynomial.Legendre.basis(NODES - 1)
     # The ends of a panel are nodes, so that a kink between an end and the next node is seen.
-    nodes = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
+    nodes = np.concatenate([[-1.0], last.deriv().roots().real, [1.0]])  # complex since NumPy 2.5
     weights = 2.0 / (NODES * (NODES - 1) * last(nodes) ** 2)
     basis = np.polynomial.legendre.legvander
     to_coefficients = np.linalg.inv(basis(nodes, NODES - 1))
