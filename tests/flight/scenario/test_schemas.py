@@ -1,6 +1,8 @@
 """The JSON schemas that an editor reads accept every shipped file and refuse wrong keys."""
 
 import json
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from urllib.parse import unquote, urlparse
@@ -88,3 +90,25 @@ def test_a_new_scenario_names_its_schema(tmp_path, monkeypatch):
     assert key == "#:schema"
     assert Path(unquote(urlparse(uri).path)) == SCHEMAS / "scenario.json"
     assert refusals("scenario", tomllib.loads(text)) == []
+
+
+def test_an_editor_finds_the_schema_wherever_the_scenario_lies(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = new_scenario("mine")
+    text = file.read_text(encoding="utf-8")
+    wrong = text.replace("n_z_rate_per_s = ", 'n_z_rate_per_s = "x" # ')
+    line = wrong[: wrong.index('"x"')].count("\n") + 1
+
+    def linted(text):
+        """Status and words of Taplo, the language server of TOML files in editors."""
+        file.write_text(text, encoding="utf-8")
+        command = [Path(sys.executable).with_name("taplo"), "lint", "--colors", "never", file]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    status, words = linted(text)
+    assert (status, "error" in words.lower()) == (0, False)
+    status, words = linted(wrong)
+    assert status == 1
+    assert '"x" is not of type "number"' in words
+    assert f"mine.toml:{line}:" in words
