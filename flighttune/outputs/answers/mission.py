@@ -9,6 +9,9 @@ from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.band import summary
 from flighttune.outputs.answers.turn_back import ended
 
+# Sentences at the top of a page.
+LINES = 4
+
 TERMS = "width of the contingency volume beyond the path, by the guideline and as counted"
 TERM_COLUMNS = (
     Column("term", "term"),
@@ -24,9 +27,13 @@ def answer(mission: MissionOdds) -> Answer:
     if mission.per_hour is None:
         return counted
     said = mission.per_hour.answer()
+    first, shares, *others = said.summary
+    whether, *more = counted.summary
+    # A page has the first `LINES` at its top: what is said of a whole flight comes first.
+    lead = [whether, first, *others] if counted.failure else [first, *others, whether]
     return replace(
         counted,
-        summary=[*said.summary, *counted.summary],
+        summary=[*lead, shares, *more],
         values={**counted.values, **said.values},
         tables=[*said.tables, *counted.tables],
         notes=[*said.notes, *counted.notes],

@@ -17,6 +17,7 @@ from flighttune.claims.shape import predicted
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import stale_notes
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.mission import LINES
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.outputs.pages import sheet
@@ -226,8 +227,8 @@ def band(claim: Band, asked: Asked) -> Parts:
         parts,
         title=f"Mission {quoted(claim.flights.scenario.title)}",
         heading="Map, heights and corridor",
-        sentences=said.summary,
-        changed=said.changed,
+        sentences=said.summary[:LINES],
+        changed=[*said.summary[LINES:], *said.changed],
         notes=[*notes, *how_to_read(claim)],
         tables=tables,
         below=sheet.volumes(mission),

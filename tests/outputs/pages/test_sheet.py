@@ -139,6 +139,12 @@ def test_the_page_has_terms_volumes_claims_and_the_digest_of_each_file(mission):
     text = page.read_text()
     cells = re.findall(r"<t[hd][^>]*>([^<]*)</t[hd]>", text)
 
+    top = re.findall(r"<p[^>]*>(.*?)</p>", text[: text.index("<main>")])
+    begins = "Not shown yet: at most", "What matters most", "Yes: the mission", "Of the exits"
+    assert [
+        x.removeprefix('<span aria-hidden="true">?</span> ').startswith(y)
+        for x, y in zip(top, begins, strict=True)
+    ] == [True] * 4
     for term in ("S_GPS", "S_Pos", "S_K", "S_RZ", "S_CM", "S_CV"):
         assert term in cells
     # 5 m to a side, 272 m to turn back, and once more the height
