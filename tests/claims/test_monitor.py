@@ -6,9 +6,13 @@ from pathlib import Path
 import pytest
 from commands import answer, flighttune
 from made_up import scenario_file
+from plans import plan_file, waypoint
 from watched import flown, stuck, turn
 
 import flighttune as ft
+from flighttune.base.errors import InputError
+from flighttune.claims import counting, mission
+from flighttune.claims.rates_keys import load_rates
 
 pytestmark = pytest.mark.slow
 
@@ -115,3 +119,20 @@ def test_models_of_other_signals_are_refused(monitor, tmp_path):
 def test_too_few_flights_to_learn_weights_and_limits_from_are_refused_before_any_flies():
     with pytest.raises(ft.InputError, match="at least 20, got 19"):
         ft.monitor("level_turn", start_deg=2.0, **{**FEW, "learn": 19})
+
+
+@pytest.mark.soak
+def test_a_monitor_of_a_mission_with_another_aircraft_ends_its_flights_and_no_others(tmp_path):
+    file = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 300), waypoint(47.404, 8.5, 300))
+    ft.monitor(file, aircraft="c172p", flights=7, out=tmp_path / "m.npz", **FEW)
+    rates = tmp_path / "rates.toml"
+    stated = '[ending]\nmonitor = "m.npz"\n[[fault]]\nkind = "engine"\nper_hour = 1e-3\n'
+    rates.write_text(f'{stated}source = "a log"\n')
+
+    def alarms(aircraft):
+        plan = counting.drawn(ft.flights(file, aircraft=aircraft).knowing(None), *[None] * 4)
+        return mission._alarms(rates, load_rates(rates), plan)
+
+    assert len(alarms("c172p").models) == 8
+    with pytest.raises(InputError, match="must be of the aircraft, law and gains of the mission"):
+        alarms("aerosonde")
