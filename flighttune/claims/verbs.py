@@ -325,7 +325,6 @@ def monitor(  # noqa: PLR0913 - as `band`
     navigation: Knowledge | None = None,
     seed: int | None = None,
     aircraft: str | None = None,
-    like: str | None = None,
     start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
     columns: Columns = (),
@@ -362,7 +361,7 @@ def monitor(  # noqa: PLR0913 - as `band`
         Learning flights, one half for the weights and the other for the limits, by default 100.
     columns : mapping or sequence
         Columns of the signals in logs, as for `load_log`.
-    aircraft, like : as for `mission`
+    aircraft : as for `mission`
     gains, plant, air, navigation, seed, start_deg, changes, out : as for `band`
     run_code, workers, scheduler, observer : as for `band`
 
@@ -404,7 +403,7 @@ def monitor(  # noqa: PLR0913 - as `band`
         chosen = dict[str, Any](epsilon=epsilon, confidence=confidence, learn=learn)
         chosen |= {"start_deg": start_deg or None, "flights": flights, "gains": gains}
         chosen |= {"plant": plant, "air": air, "seed": seed, "changes": changes or None}
-        chosen |= {"navigation": navigation, "aircraft": aircraft, "like": like}
+        chosen |= {"navigation": navigation, "aircraft": aircraft}
         for name, value in chosen.items():
             if value != defaults.get(name):
                 raise InputError(
@@ -415,7 +414,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     elif columns:
         raise InputError("`columns` must be absent without a log.")
     else:
-        stated = flights_of_source(source, aircraft=aircraft, like=like, changes=changes)
+        stated = flights_of_source(source, aircraft=aircraft, changes=changes)
         stated = stated.starting(start_deg).knowing(navigation)
         plan = drawn(stated, plant, gains, air, seed)
         ending = Fixed.enough(flights, epsilon, confidence)

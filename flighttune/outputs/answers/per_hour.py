@@ -80,8 +80,8 @@ def summary(hourly: PerHour) -> list[str]:
     lines = [
         f"{begin}{'A' if not begin else 'a'}t most {total} flights per flight hour leave the "
         f"operational volume, at a confidence of {hourly.confidence:g}{aim}.",
-        f"Of the exits per flight hour, healthy flight has {at_most(bound.healthy, 2)}, {', '.join(shares)}, and two faults "
-        f"in a flight {at_most(bound.several, 2)}.",
+        f"Of the exits per flight hour, healthy flight has {at_most(bound.healthy, 2)}, "
+        f"{', '.join(shares)}, and two faults in a flight {at_most(bound.several, 2)}.",
     ]
     return [*lines, *latest(hourly), matters_most(hourly)]
 
