@@ -92,7 +92,7 @@ class Kept:
 
 
 def drawn(
-    stated: Flights, plant: str | None, gains: str | None, air: str | None, seed: int | None
+    stated: Flights, plant: str | None = None, gains: str | None = None, air: str | None = None
 ) -> Plan:
     """Independent draws of one group, by default of the first aircraft, in one class of air."""
     plan = stated.plan(plant=plant, gains=gains, kind="jsbsim")
@@ -103,8 +103,6 @@ def drawn(
     campaign = counted_flights.at_random(
         plan.campaign if air is None else counted_flights.in_air(plan.campaign, air)
     )
-    if seed is not None:
-        campaign = campaign.model_copy(update={"seed": seed})
     return replace(plan.of_group(group), campaign=campaign)
 
 

@@ -15,8 +15,9 @@ from flighttune.campaigns.statistics.count import (
     LOOK,
     OUTSIDE,
     allowed_outside,
+    check_enough,
     counted_scale,
-    fresh_flights,
+    flights_needed,
     supported_epsilon,
     sure,
 )
@@ -110,7 +111,9 @@ class Ending(ABC):
         cls, flights: int | None, epsilon: float, confidence: float, *, outside: int = OUTSIDE
     ) -> Self:
         """End after `flights`, by default the smallest number of which `outside` may be outside."""
-        flights = fresh_flights(flights, epsilon, confidence, outside=outside)
+        if flights is None:
+            flights = flights_needed(epsilon, confidence, outside)
+        check_enough(flights, epsilon, confidence)
         return cls(flights=flights, epsilon=epsilon, confidence=confidence)
 
     @property

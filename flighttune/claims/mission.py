@@ -438,7 +438,7 @@ class _NewFlights:
     @cached_property
     def plan(self) -> Plan:
         """The plan of their independent draws."""
-        return counting.drawn(self.stated, None, None, None, self.seed)
+        return counting.drawn(self.stated).with_seed(self.seed)
 
     @property
     def place(self) -> str:

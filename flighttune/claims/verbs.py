@@ -158,7 +158,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
             f"{source}: flights of a mission must be counted with `flighttune mission`, in "
             "Python with `ft.mission`."
         )
-    drawn_plan = drawn(flown, plant, gains, air, seed)
+    drawn_plan = drawn(flown, plant, gains, air).with_seed(seed)
     epsilon = EPSILON if epsilon is None else epsilon
     confidence = CONFIDENCE if confidence is None else confidence
     counted = counted_on(
@@ -229,7 +229,7 @@ def residual(
     """
     fliers, stated = Fliers(**by), flights_of_source(source, changes=changes).starting(start_deg)
     stated = stated.knowing(navigation)
-    plan = drawn(stated, plant, gains, air, seed)
+    plan = drawn(stated, plant, gains, air).with_seed(seed)
     ending = Fixed.enough(flights, epsilon, confidence)
     return counted_on(Residual, plan, ending, place=stated.place, learn=learn, fliers=fliers)
 
@@ -416,7 +416,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     else:
         stated = flights_of_source(source, aircraft=aircraft, changes=changes)
         stated = stated.starting(start_deg).knowing(navigation)
-        plan = drawn(stated, plant, gains, air, seed)
+        plan = drawn(stated, plant, gains, air).with_seed(seed)
         ending = Fixed.enough(flights, epsilon, confidence)
         made = counted_on(Monitor, plan, ending, place=stated.place, learn=learn, fliers=fliers)
     if out is not None:

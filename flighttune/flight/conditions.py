@@ -21,7 +21,7 @@ from flighttune.routes.route_keys import RouteTable
 from flighttune.routes.segments import Reference
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import FlightCondition
-from flighttune.vehicles.plants.weather import Weather, WindProfile, path_through_air
+from flighttune.vehicles.plants.weather import Weather, WindProfile, through_air
 
 # Default share of every limit that a feasible reference reserves for the feedback.
 MARGIN = 0.2
@@ -74,11 +74,10 @@ def start_condition(scenario: Scenario) -> FlightCondition:
     if wind is None or scenario.flight.start == "heading":
         return start
     try:
-        chi, gamma = path_through_air(start.V_a, start.chi, start.gamma, wind.profile().at(start.h))
+        return through_air(start, wind.profile().at(start.h))
     except InputError as error:
         key = "level" if wind.level else "speed_mps"
         raise InputError(f"`{key}` of [wind] {error}") from error
-    return replace(start, chi=chi, gamma=gamma)
 
 
 @_kept

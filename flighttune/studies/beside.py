@@ -283,7 +283,7 @@ def compare(  # type: ignore[misc]
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
     stated = flights_of_source(place, **of_flights).knowing(navigation)
-    plan = counting.drawn(stated, None, gains or None, None, seed)
+    plan = counting.drawn(stated, gains=gains or None).with_seed(seed)
     check_one_airspeed(str(stated.place), plan.scenario)
     plan = _with_guidance(plan, now)
     group = plan.groups[0]

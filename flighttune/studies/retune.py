@@ -389,7 +389,7 @@ def retune(
 ) -> Retuned:
     """Search the parameters in a file on the first aircraft of a source, and count the result."""
     now = flown_now(file, version)
-    plan = counting.drawn(stated, None, None, None, None)
+    plan = counting.drawn(stated)
     if plan.scenario.route is None:
         raise InputError(f"{stated.place}: must be a route, to search parameters, got none.")
     check_one_airspeed(str(stated.place), plan.scenario)

@@ -103,7 +103,7 @@ def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 1.2]], "K_I": [[0.9, 0.0], [0.0, 0.9]]}
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
     now = flown_now(file, None)
-    plan = _with_guidance(counting.drawn(stated, None, "own", None, None), now)
+    plan = _with_guidance(counting.drawn(stated, gains="own"), now)
     T = plan.scenario.route.look_ahead_s
     (lag, _) = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
     s = 1j * np.geomspace(1e-2, 60.0, 200_001)
@@ -123,7 +123,7 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(file, lost):
     random, n = np.random.default_rng(7), 93
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": ["paper"]})
     now = flown_now(file, None)
-    plan = _with_guidance(counting.drawn(stated, None, "paper", None, None), now).with_runs(2 * n)
+    plan = _with_guidance(counting.drawn(stated, gains="paper"), now).with_runs(2 * n)
     errors = {
         "flight.cross_track_m": (5.0, 4.5), "flight.height_err_m": (1.0, 2.0),
         "flight.V_a_dev_mps": (0.3, 0.2), "chi.peak_rad": (0.03, 0.01),

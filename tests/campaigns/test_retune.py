@@ -39,7 +39,7 @@ def file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def plan():
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": ["paper"]})
-    return counting.drawn(stated, None, "paper", None, None)
+    return counting.drawn(stated, gains="paper")
 
 
 @pytest.fixture(scope="module")

@@ -186,7 +186,7 @@ def steep(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_flight_without_steady_flight_comes_to_its_place_as_its_mission_does(steep):
-    mission = drawn(ft.flights(steep, aircraft="aerosonde"), None, None, "wind", None)
+    mission = drawn(ft.flights(steep, aircraft="aerosonde"), air="wind")
     plan = turned_back(mission)
     values = {**plan.values_of(0), "turn_back.at_m": 950.0}
     scenario = plan.dispersed(values, 0)

@@ -26,7 +26,7 @@ CASES, WRONG, HOURS = 20, 1, 15.0
 
 def straight_plan():
     stated = ft.flights("circuit_in_wind", changes=STRAIGHT).knowing("rtk")
-    return counting.drawn(stated, None, None, None, None)
+    return counting.drawn(stated)
 
 
 def strip(half):

@@ -84,12 +84,12 @@ def test_a_fault_names_what_is_flown_then(own, words):
 
 def short_plan():
     stated = ft.flights("circuit_in_wind", changes=SHORT).knowing(None)
-    return counting.drawn(stated, None, None, None, None)
+    return counting.drawn(stated)
 
 
 def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
     stated = ft.flights("circuit_in_wind_x8").knowing(None)
-    plan = counting.drawn(stated, None, None, None, None)
+    plan = counting.drawn(stated)
     with pytest.raises(InputError, match="rudder_stuck: it has no rudder"):
         check_rates(plan, rates(kind="rudder_stuck"))
 

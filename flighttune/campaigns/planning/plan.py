@@ -166,6 +166,12 @@ class Plan:
         """The same plan with another number of flights."""
         return replace(self, runs=runs)
 
+    def with_seed(self, seed: int | None) -> "Plan":
+        """The same plan with draws of another seed; None: no change."""
+        if seed is None:
+            return self
+        return replace(self, campaign=self.campaign.model_copy(update={"seed": seed}))
+
     def with_tuned_gains_of(self, other: "Plan") -> "Plan":
         """The same plan with the tuned gains of `other` if they agree to rounding."""
         # The last digits of tuned gains depend on the number of BLAS threads.

@@ -76,18 +76,13 @@ def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: i
     return bisect_left(range(most), outside, lo=least, key=allowed)
 
 
-def fresh_flights(
-    flights: int | None, epsilon: float, confidence: float, *, outside: int = OUTSIDE
-) -> int:
-    """Number of flights to count, by default the smallest that allows this number `outside`."""
-    if flights is None:
-        return flights_needed(epsilon, confidence, outside)
+def check_enough(flights: int, epsilon: float, confidence: float) -> None:
+    """Refuse a number of flights that supports no claim even if none of them is outside."""
     if allowed_outside(flights, epsilon, confidence) < 0:
         raise InputError(
             f"`flights` must be at least {flights_needed(epsilon, confidence)} for `epsilon` "
             f"{epsilon:g} and `confidence` {confidence:.10g}, got {flights}."
         )
-    return flights
 
 
 def counted_scale(
@@ -100,7 +95,8 @@ def counted_scale(
     `allowed_outside`; it is infinite if more than r flights were not completed. Raises InputError
     if there are too few scores.
     """
-    flights = fresh_flights(len(scores), epsilon, confidence)
+    flights = len(scores)
+    check_enough(flights, epsilon, confidence)
     if (r := allowed_outside(flights, epsilon, confidence, early)) < 0:
         raise InputError(f"`early` must be enough flights if none is outside, got {early}.")
     scale = float(np.partition(scores, -r - 1)[-r - 1])

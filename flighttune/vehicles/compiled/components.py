@@ -179,7 +179,7 @@ def _lag_coefficients(dt: float, lag: Number) -> tuple[Number, Number]:
 Component: TypeAlias = Callable[[Part], Number]
 
 
-def run_channels(now: Properties, root: Element, dt: float) -> None:
+def run_channels(now: Properties, root: Element) -> None:
     """Every component of every channel."""
     written = written_by_channels(root)
     for n, channel in enumerate(channels_of(root)):
@@ -193,7 +193,7 @@ def run_channels(now: Properties, root: Element, dt: float) -> None:
             runs = runs & (count >= rate)
         before = dict(now.now)
         for element in channel:
-            _run(Part(now, element, dt * rate), written)
+            _run(Part(now, element, now.dt * rate), written)
         if not isinstance(runs, bool):
             now.keep_unless(runs, before)
 

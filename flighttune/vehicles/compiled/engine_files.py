@@ -52,6 +52,11 @@ class EngineFile:
         """Beginning of the properties of the engine."""
         return f"propulsion/engine[{self.number}]"
 
+    @property
+    def throttle(self) -> str:
+        """The property of its throttle lever."""
+        return self.numbered("fcs/throttle-pos-norm")
+
     def numbered(self, name: str) -> str:
         """A property of which each engine has one."""
         return f"{name}[{self.number}]"

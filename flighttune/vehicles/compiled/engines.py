@@ -27,17 +27,17 @@ _HP, _WATTS = 550.0, 745.7
 # Speed of a crankshaft below which an engine brakes nothing, 1/min.
 _TURNS = 0.1
 
-# From the step and the lever of an engine: its power (hp), or its thrust (lbf)
-Motor: TypeAlias = Callable[[Properties, EngineFile, Number, float], Number]
+# From the step and an engine: its power (hp), or its thrust (lbf)
+Motor: TypeAlias = Callable[[Properties, EngineFile], Number]
 
 
-def propulsion(now: Properties, engines: tuple[EngineFile, ...], dt: float) -> None:
+def propulsion(now: Properties, engines: tuple[EngineFile, ...]) -> None:
     """Forces (lbf) and moments (lbf ft) of all engines, in body axes."""
     force: Vector = ZERO
     moment: Vector = ZERO
     for engine in engines:
         now.engine = str(engine.number)
-        push = _push(now, engine, dt)
+        push = _push(now, engine)
         now[f"{engine.at}/thrust-lbs"] = push.thrust
         along = times(engine.orientation, [push.thrust, 0.0, 0.0])
         lever = cross(body_arm(push.place, now.cg), along)
@@ -45,17 +45,16 @@ def propulsion(now: Properties, engines: tuple[EngineFile, ...], dt: float) -> N
     now.forces["prop"], now.moments["prop"] = force, moment
 
 
-def _push(now: Properties, engine: EngineFile, dt: float) -> Push:
-    throttle = now[engine.numbered("fcs/throttle-pos-norm")]
+def _push(now: Properties, engine: EngineFile) -> Push:
     if engine.kind not in _MOTORS:
         raise Unsupported(f"the engine <{engine.motor.tag}>")
-    output = _MOTORS[engine.kind](now, engine, throttle, dt)
+    output = _MOTORS[engine.kind](now, engine)
     if engine.kind in _POWER:
         now[f"{engine.at}/power-hp"] = output
         output = _braking(now, engine, output * _HP)
     pusher = engine.pusher
     if pusher.tag == "propeller":
-        return propeller(now, engine, output, dt)
+        return propeller(now, engine, output)
     place = now.vector(named(f"{engine.at}/{{}}-position"))
     if pusher.tag == "nozzle":
         area = value_in(pusher, "area", "FT2", 0.0)
@@ -74,12 +73,12 @@ def _braking(now: Properties, engine: EngineFile, power: Number) -> Number:
     return select(rpm <= _TURNS, largest(power, 0.0), power)
 
 
-def _electric(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
+def _electric(now: Properties, engine: EngineFile) -> Number:
     watts = number(now, text_of(engine.motor, "power", _WATTS))
-    return watts * factor_of(engine.motor, "power", "WATTS") * throttle / _WATTS
+    return watts * factor_of(engine.motor, "power", "WATTS") * now[engine.throttle] / _WATTS
 
 
-def _rocket(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
+def _rocket(now: Properties, engine: EngineFile) -> Number:
     """Vacuum thrust of a liquid rocket whose tanks stay full."""
     motor, at = engine.motor, engine.at
     if motor.find("thrust_table") is not None:
@@ -90,7 +89,7 @@ def _rocket(now: Properties, engine: EngineFile, throttle: Number, dt: float) ->
     # Propellant of the step before; with frozen fuel it is what it was at the start.
     flow = now[f"_propellant{engine.number}"]
     burning = impulse * flow
-    return select(throttle < value_of(motor, "minthrottle", 0.0), 0.0, burning)
+    return select(now[engine.throttle] < value_of(motor, "minthrottle", 0.0), 0.0, burning)
 
 
 # Kinds of engines whose output is a power, hp; that of the others is a thrust, lbf.

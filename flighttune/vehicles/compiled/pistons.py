@@ -50,7 +50,7 @@ class _Air:
     piston_speed: Number  # mean, ft/s
 
 
-def piston(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
+def piston(now: Properties, engine: EngineFile) -> Number:
     """Power, hp; the engine stops and starts by itself."""
     motor, at = engine.motor, engine.at
     functions_of(now, engine, ())
@@ -65,8 +65,8 @@ def piston(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> 
     was = different(now[f"{at}/set-running"], 0.0)
     turns = (was & (rpm >= slowest)) | (rpm > slowest)
     runs = turns & (now[f"{at}/fuel-flow-rate-pps"] > 0.0)
-    throttled = _throttled_pressure(now, engine, throttle, air, dt)
-    manifold, loss = _boosted(now, engine, throttle, throttled, air)
+    throttled = _throttled_pressure(now, engine, air)
+    manifold, loss = _boosted(now, engine, throttled, air)
     now[f"{at}/map-pa"], now[f"{at}/map-inhg"] = manifold, manifold / _INHG_TO_PA
     flow = _air_flow(now, engine, manifold, air)
     mixture = now[engine.numbered("fcs/mixture-pos-norm")]
@@ -95,9 +95,7 @@ def _displacement(engine: EngineFile) -> float:
     return value_in(engine.motor, "displacement", "IN3", 360.0) * (inch * inch * inch / cubic_feet)
 
 
-def _throttled_pressure(
-    now: Properties, engine: EngineFile, throttle: Number, air: _Air, dt: float
-) -> Number:
+def _throttled_pressure(now: Properties, engine: EngineFile, air: _Air) -> Number:
     """Pressure behind the throttle, before a supercharger, Pa."""
     motor, at = engine.motor, engine.at
     peak = value_of(motor, "peak-piston-speed", 100.0)
@@ -105,13 +103,14 @@ def _throttled_pressure(
     least = value_in(motor, "minmp", "INHG", 6.5) * _INHG_TO_PA
     airbox = now[f"{at}/air-intake-impedance-factor"]
     closed = (peak / idle) * (_STANDARD_PRESSURE / least - 1) - airbox
+    throttle = now[engine.throttle]
     shut = (1 - throttle) * (1 - throttle) * closed
     through = select(air.piston_speed > 0.0, peak / air.piston_speed, 999999.0)
     pressure = now[f"_throttled{engine.number}"]
     change = pressure - air.ram * (through / (through + airbox + shut))
     lag = value_of(motor, "man-press-lag", 1.0)
-    if lag > dt:
-        change = change * (dt / lag)
+    if lag > now.dt:
+        change = change * (now.dt / lag)
     now[f"_throttled{engine.number}"] = pressure - change
     return pressure - change
 
@@ -185,7 +184,7 @@ def _standard_pressure(h: float) -> float:
 
 
 def _boosted(
-    now: Properties, engine: EngineFile, throttle: Number, pressure: Number, air: _Air
+    now: Properties, engine: EngineFile, pressure: Number, air: _Air
 ) -> tuple[Number, Number]:
     """Pressure behind a supercharger (Pa), and the power that it takes, hp."""
     charger = supercharger_of(engine)
@@ -206,7 +205,7 @@ def _boosted(
         if not charger.unlimited:
             limit = of_speed["limit"]
             if charger.takeoff is not None:
-                limit = select(throttle > 0.98, of_speed["takeoff"], limit)
+                limit = select(now[engine.throttle] > 0.98, of_speed["takeoff"], limit)
             manifold = select(manifold > limit, limit, manifold)
     lost = value_of(engine.motor, "boost-loss-factor", 0.0)
     if engine.motor.find("numboostspeeds") is None or not lost > 0.0:

@@ -39,7 +39,7 @@ class Push(NamedTuple):
     place: Vector
 
 
-def propeller(now: Properties, engine: EngineFile, power: Number, dt: float) -> Push:
+def propeller(now: Properties, engine: EngineFile, power: Number) -> Push:
     """Thrust of a propeller, and its speed after the step, from a `power` in ft lbf/s."""
     file, at = propeller_of(engine), engine.at
     place = now.vector([f"{at}/{x}-reference-position" for x in "xyz"])
@@ -51,7 +51,7 @@ def propeller(now: Properties, engine: EngineFile, power: Number, dt: float) -> 
     tip_mach = sqrt(tip * tip + air[0] * air[0]) / now["atmosphere/a-fps"]
     advance = select(rps > _STANDS, air[0] / (diameter * rps), air[0] / diameter)
     now[f"{at}/advance-ratio"] = advance
-    pitch = _blade_angle(now, engine, file, rpm, dt)
+    pitch = _blade_angle(now, engine, file, rpm)
     correction = tip_mach, rpm
     c_p = _coefficient(file, "POWER", advance, pitch) * file.power_factor
     c_p = _corrected(file, "CP", c_p, *correction)
@@ -65,13 +65,11 @@ def propeller(now: Properties, engine: EngineFile, power: Number, dt: float) -> 
     induced = _induced_velocity(thrust, air[0], rho * (0.25 * diameter * diameter * math.pi))
     now[f"{at}/prop-induced-velocity_fps"] = induced
     acting = _acting_place(now, engine, file, place, air, induced)
-    moment = _turned(now, engine, file, power, left_over, dt)
+    moment = _turned(now, engine, file, power, left_over)
     return Push(thrust, moment, acting)
 
 
-def _blade_angle(
-    now: Properties, engine: EngineFile, file: PropellerFile, rpm: Number, dt: float
-) -> Number:
+def _blade_angle(now: Properties, engine: EngineFile, file: PropellerFile, rpm: Number) -> Number:
     """Blade angle (deg), by a governor or set by flight control; 0 if it is fixed."""
     if file.pitch is None:
         return 0.0
@@ -80,7 +78,7 @@ def _blade_angle(
     if not file.governed:
         return angle
     wanted = least + (most - least) * now[engine.numbered("fcs/advance-pos-norm")]
-    turned = select(rpm > _GOVERNED, angle - (wanted - rpm) * dt, angle)
+    turned = select(rpm > _GOVERNED, angle - (wanted - rpm) * now.dt, angle)
     turned = select(turned < low, low, select(turned > high, high, turned))
     feathered = different(now[engine.numbered("fcs/feather-pos-norm")], 0.0)
     angle = select(feathered, angle + (high - angle) / _FEATHERING, turned)
@@ -133,12 +131,7 @@ def _acting_place(
 
 
 def _turned(
-    now: Properties,
-    engine: EngineFile,
-    file: PropellerFile,
-    power: Number,
-    left_over: Number,
-    dt: float,
+    now: Properties, engine: EngineFile, file: PropellerFile, power: Number, left_over: Number
 ) -> Vector:
     """The moment by torque and rotation; the speed is moved on."""
     rps = now[f"{engine.at}/propeller-rpm"] / 60.0
@@ -146,7 +139,7 @@ def _turned(
     torque = -file.sense * power / select(omega > _STILL, omega, _STILL)
     now[f"{engine.at}/propeller-torque-ftlb"] = torque
     excess = select(omega > _STILL, left_over / omega, left_over / 1.0)
-    new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * dt) * 60.0
+    new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * now.dt) * 60.0
     new = select(new < 0.0, 0.0, new)
     now[f"{engine.at}/propeller-rpm"], now[f"{engine.at}/engine-rpm"] = new, new * file.gear_ratio
     spin = file.inertia * omega * file.sense * file.moment_sign

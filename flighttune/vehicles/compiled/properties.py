@@ -45,8 +45,9 @@ class Properties:
     Names that begin with ``_`` are numbers that JSBSim does not show.
     """
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, dt: float) -> None:
         self.graph = graph
+        self.dt = dt  # length of the step, s
         self.now: dict[str, Number] = {}
         self.inputs: dict[str, Value] = {}
         # Rotations: local to body, body to local, Earth to body, wind to body, body to wind

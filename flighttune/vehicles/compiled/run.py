@@ -39,19 +39,18 @@ class Model:
 
 def run(now: Properties, model: Model) -> None:
     """One step."""
-    dt = model.dt
-    now["simulation/sim-time-sec"] = now["simulation/sim-time-sec"] + dt
-    integrate(now, dt)
+    now["simulation/sim-time-sec"] = now["simulation/sim-time-sec"] + now.dt
+    integrate(now)
     propagate(now, model.planet)
     now.gravity = gravity(now.vector(POSITION), now["_radius"], model.planet)
     atmosphere(now)
-    total_wind(now, dt, model.turbulence, gust=model.gust)
+    total_wind(now, model.turbulence, gust=model.gust)
     _levers(now, model)
-    run_channels(now, model.root, dt)
+    run_channels(now, model.root)
     now.cg = now.vector(named("inertia/cg-{}-in"))
     now.reference_point = body_arm(now.vector(named("metrics/aero-rp-{}-in")), now.cg)
     air_data(now)
-    propulsion(now, model.engines, dt)
+    propulsion(now, model.engines)
     _show(now, "prop")
     aerodynamics(now, model.root)
     _show(now, "aero")

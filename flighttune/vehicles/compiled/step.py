@@ -39,7 +39,7 @@ def traced(model: Model, shown: Shown, *, sloped: bool = False) -> tuple[Names, 
     `sloped`: behind its states, parameters and signals stand their slopes; it has no properties.
     """
     graph = Graph()
-    now = Properties(graph)
+    now = Properties(graph, model.dt)
     run(now, model)
     signals = dict(shown(now))
     stream = tuple(turbulence.NOISE) if model.turbulence else ()

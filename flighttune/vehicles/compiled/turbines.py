@@ -38,7 +38,7 @@ def seek(value: Number, target: Number, up: Number, down: Number, dt: float) -> 
     return select(value > target, select(lower < target, target, lower), rising)
 
 
-def turbine(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
+def turbine(now: Properties, engine: EngineFile) -> Number:
     """Thrust, lbf; one that does not run only windmills."""
     x = {name: value_of(engine.motor, name, default) for name, default in _NUMBERS.items()}
     value = functions_of(now, engine, (*_KNOWN, *_SPOOLS))
@@ -46,8 +46,9 @@ def turbine(now: Properties, engine: EngineFile, throttle: Number, dt: float) ->
     for name, share in _SPOOLS.items():
         value.setdefault(name, _spool_rate(norm, sigma, share * 90.0 / (x["bypassratio"] + 3.0)))
     runs = different(now[f"{engine.at}/set-running"], 0.0)
+    throttle = now[engine.throttle]
     lever = select(throttle > 1.0, throttle - (throttle - 1.0), throttle)
-    _spool(now, engine, x, value, lever, runs, dt)
+    _spool(now, engine, x, value, lever, runs)
     thrust = _thrust(now, engine, x, value, throttle, lever)
     return select(runs, thrust, 0.0)
 
@@ -59,7 +60,6 @@ def _spool(
     value: dict[str, Number],
     lever: Number,
     runs: Truth,
-    dt: float,
 ) -> None:
     """Move the speeds of both shafts on."""
     # The first step of a flight leaves the phase of the trim.
@@ -70,9 +70,9 @@ def _spool(
         name = f"{engine.at}/n{k}"
         target = x[f"idlen{k}"] + lever * (x[f"maxn{k}"] - x[f"idlen{k}"])
         speed = select(first, target, now[name])
-        running = seek(speed, target, value[f"N{k}SpoolUp"], value[f"N{k}SpoolDown"], dt)
+        running = seek(speed, target, value[f"N{k}SpoolUp"], value[f"N{k}SpoolDown"], now.dt)
         n = now[name]
-        turned = seek(n, qbar / share, n / 2.0 + 0.1, n / x[f"n{k}spindown"], dt)
+        turned = seek(n, qbar / share, n / 2.0 + 0.1, n / x[f"n{k}spindown"], now.dt)
         now[name] = select(runs, running, turned)
     n_2 = now[f"{engine.at}/n2"]
     norm = f"_n2-norm{engine.number}"

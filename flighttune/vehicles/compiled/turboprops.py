@@ -19,16 +19,16 @@ from flighttune.vehicles.compiled.trace import Number, fabs, select
 _DOWN, _UP = 0.1, 0.05
 
 
-def turboprop(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
+def turboprop(now: Properties, engine: EngineFile) -> Number:
     """Power, hp."""
     motor, at = engine.motor, engine.at
     if engine.pusher.tag != "propeller":
         raise Unsupported(f"a turboprop with <{engine.pusher.tag}>")
     values = functions_of(now, engine, ("EnginePowerVC",))
-    throttle = _torque_limited(now, engine, throttle, dt)
+    throttle = _torque_limited(now, engine)
     idle, most = value_of(motor, "idlen1", 30.0), value_of(motor, "maxn1", 100.0)
     delay = value_of(motor, "n1idle_max_delay", 1.0)
-    n_1 = _approach(now[f"{at}/n1"], idle + throttle * (most - idle), delay, delay * 2.4, dt)
+    n_1 = _approach(now[f"{at}/n1"], idle + throttle * (most - idle), delay, delay * 2.4, now.dt)
     now[f"{at}/n1"] = n_1
     by_speed = table_in(motor, "EnginePowerRPM_N1")
     if not isinstance(by_speed, Table2):
@@ -55,8 +55,9 @@ def _by_airspeed(now: Properties, engine: EngineFile) -> Number:
     raise Unsupported("a turboprop without EnginePowerVC")
 
 
-def _torque_limited(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
+def _torque_limited(now: Properties, engine: EngineFile) -> Number:
     """The lever behind a device that keeps torque below its limit."""
+    throttle = now[engine.throttle]
     limit = value_of(engine.motor, "ielumaxtorque", -1.0)
     if not limit > 0.0:
         return throttle
@@ -64,7 +65,7 @@ def _torque_limited(now: Properties, engine: EngineFile, throttle: Number, dt: f
     last, torque = now[f"_lever{n}"], now[f"{engine.at}/propeller-torque-ftlb"]
     above = (fabs(torque) > limit) & (throttle >= last)
     back = (now[f"_limited{n}"] > 0.0) & (throttle >= last)
-    lever = select(above, last - _DOWN * dt, select(back, last + _UP * dt, throttle))
+    lever = select(above, last - _DOWN * now.dt, select(back, last + _UP * now.dt, throttle))
     now[f"_limited{n}"] = select(above | back, 1.0, 0.0)
     now[f"_lever{n}"] = lever
     return lever

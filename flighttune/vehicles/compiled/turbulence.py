@@ -87,14 +87,12 @@ def gust_numbers(gust: Gust, rate: float) -> dict[str, float]:
     return numbers | dict(zip(GUST_BODY, body[gust.axis], strict=True))
 
 
-def total_wind(
-    now: Properties, dt: float, model: Literal["", "milspec", "tustin"], *, gust: bool
-) -> None:
+def total_wind(now: Properties, model: Literal["", "milspec", "tustin"], *, gust: bool) -> None:
     """Wind, gusts and turbulence together, north, east and down."""
     # The turbulence sees the gust of the previous step.
-    turbulence = _turbulence(now, dt, model, gust=gust) if model else ZERO
+    turbulence = _turbulence(now, model, gust=gust) if model else ZERO
     if gust:
-        _cosine_gust(now, dt)
+        _cosine_gust(now)
     now.put(TOTAL_WIND, add(_steady(now, gust=gust), turbulence))
 
 
@@ -103,7 +101,7 @@ def _steady(now: Properties, *, gust: bool) -> Vector:
     return add(wind, now.vector(COSINE_GUST)) if gust else wind
 
 
-def _cosine_gust(now: Properties, dt: float) -> None:
+def _cosine_gust(now: Properties) -> None:
     count, t = now[GUST_COUNT] + 1.0, now[GUST_TIME]
     rise, hold, fall = now[GUST_RISE], now[GUST_HOLD], now[GUST_FALL]
     blows = different(now[GUST_BLOWS], 0.0) | equal(count, now[GUST_FIRST])
@@ -117,10 +115,10 @@ def _cosine_gust(now: Properties, dt: float) -> None:
     turned = times(inverse(now.local_to_body), now.vector(GUST_BODY))
     direction = [select(begins, a, b) for a, b in zip(turned, old, strict=True)]
     gust = [factor * x * now[GUST_SIZE] for x in direction]
-    over = t + dt > rise + hold + fall
+    over = t + now.dt > rise + hold + fall
     now[GUST_COUNT] = count
     now[GUST_BLOWS] = select(blows & negated(over), 1.0, 0.0)
-    now[GUST_TIME] = select(blows, select(over, 0.0, t + dt), t)
+    now[GUST_TIME] = select(blows, select(over, 0.0, t + now.dt), t)
     for names, values in ((GUST_DIRECTION, direction), (COSINE_GUST, gust)):
         for name, value in zip(names, values, strict=True):
             now[name] = select(blows, select(over, 0.0, value), now[name])
@@ -161,13 +159,13 @@ def _scales(now: Properties, *, gust: bool) -> _Scales:
     return _Scales(L_u, L_w, sigma_u, sigma_w, sigma_p, L_u / V, L_w / V, L_p / V, V, span)
 
 
-def _turbulence(now: Properties, dt: float, model: str, *, gust: bool) -> Vector:
+def _turbulence(now: Properties, model: str, *, gust: bool) -> Vector:
     """Velocity of the turbulent air; its angular rates go to `turbulent_rates`."""
     scales = _scales(now, gust=gust)
     noise = dict(zip("uvwp", now.vector(NOISE), strict=True))
     old = {name: now[f"_{name}"] for name in _MEMORY}
     filters = _tustin if model == "tustin" else _milspec
-    xi = filters(scales, dt, noise, old)
+    xi = filters(scales, now.dt, noise, old)
     # The heading of the wind is zero: the axes are north and east.
     now.turbulent_rates = times(now.local_to_body, [xi["p"], xi["q"], xi["r"]])
     new = {f"xi-{axis}1": value for axis, value in xi.items()}

@@ -5,7 +5,7 @@ The tables of a scenario check the numbers of a `Weather`.
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import itemgetter, mul
 from typing import Literal, TypeAlias
 
@@ -14,6 +14,7 @@ import numpy as np
 from flighttune.base.arrays import FloatArray, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.base.units import FT
+from flighttune.control.controller import FlightCondition
 
 NED: TypeAlias = tuple[float, float, float]
 
@@ -84,10 +85,11 @@ def velocity_along(V: float, chi: float, gamma: float) -> NED:
     return level * math.cos(chi), level * math.sin(chi), -V * math.sin(gamma)
 
 
-def path_through_air(V_a: float, chi: float, gamma: float, wind: NED) -> tuple[float, float]:
-    """Course and path angle through the air (rad) of a flight along `chi`, `gamma` over ground."""
+def through_air(condition: FlightCondition, wind: NED) -> FlightCondition:
+    """The condition with course and path angle through the air, for those over ground."""
+    V_a, chi, gamma = condition.V_a, condition.chi, condition.gamma
     if wind == CALM:
-        return chi, gamma
+        return condition
     # Wind triangle: the velocity over ground is that through the air, of length `V_a`, plus `wind`.
     path = velocity_along(1.0, chi, gamma)
     along = sum(map(mul, wind, path))
@@ -101,7 +103,8 @@ def path_through_air(V_a: float, chi: float, gamma: float, wind: NED) -> tuple[f
         )
     north, east, down = (V_g * part - moved for part, moved in zip(path, wind, strict=True))
     chi_air, gamma_air = course_of((north, east, down))
-    return chi + math.remainder(chi_air - chi, math.tau), gamma_air
+    chi_air = chi + math.remainder(chi_air - chi, math.tau)
+    return replace(condition, chi=chi_air, gamma=gamma_air)
 
 
 TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]

@@ -61,7 +61,7 @@ def test_every_layer_of_the_atmosphere_is(h, bias):
     given = ("delta-T", "P-sl-psf", "rho-sl-slugs_ft3")
     names = ("T-R", "P-psf", "rho-slugs_ft3", "a-fps", "sigma", "delta")
     names += ("pressure-altitude", "density-altitude")
-    now = Properties(Graph())
+    now = Properties(Graph(), 1 / 120)
     now["position/h-sl-ft"] = fdm.reader("position/h-sl-ft")()
     for name in given:
         now[f"atmosphere/{name}"] = fdm.reader(f"atmosphere/{name}")()
