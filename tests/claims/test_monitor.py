@@ -130,7 +130,7 @@ def test_a_monitor_of_a_mission_with_another_aircraft_ends_its_flights_and_no_ot
     rates.write_text(f'{stated}source = "a log"\n')
 
     def alarms(aircraft):
-        plan = counting.drawn(ft.flights(file, aircraft=aircraft).knowing(None), *[None] * 4)
+        plan = counting.drawn(ft.flights(file, aircraft=aircraft).knowing(None))
         return mission._alarms(rates, load_rates(rates), plan)
 
     assert len(alarms("c172p").models) == 8

@@ -118,7 +118,7 @@ def test_a_new_count_without_rates_leaves_none_of_an_earlier_one(place, tmp_path
 @pytest.mark.parametrize("other", [{"flights": 13}, None])
 def test_flights_of_another_count_are_not_gone_on_with(tmp_path, other):
     stated = ft.flights("circuit_in_wind").knowing(None)
-    plan = counting.drawn(stated, None, None, None, None)
+    plan = counting.drawn(stated)
     volume = Volume(
         rings=(((0.0, 0.0), (0.0, 9.0), (9.0, 9.0)),), outside=(False,), low=None, high=9.0
     )
