@@ -35,6 +35,12 @@ def at_least(bound: float, digits: int = 4) -> str:
     return _rounded(bound, digits, ROUND_FLOOR)
 
 
+def confidence_text(value: float) -> str:
+    """A confidence rounded downwards, with two digits of its distance from 1."""
+    left = round(1.0 - value, 12)  # what subtracting has rounded is no digit of the distance
+    return f"{1.0 - float(at_most(left, 2)):.12g}"
+
+
 def _rounded(bound: float, digits: int, rounding: str) -> str:
     if bound == 0.0 or not math.isfinite(bound):
         return number(bound, f".{digits}g")

@@ -11,6 +11,7 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, printable
 from flighttune.base.signals import SIGNAL_UNITS
+from flighttune.base.words import confidence_text
 from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.counted import SignalBounds, axis_of, wind_at_start
@@ -163,7 +164,7 @@ class Band(SignalBounds):
         flights, ending = len(self.scores), self.ending
         supported = ending.supported(outside, flights)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
-        sure = f"confidence {self.confidence:.10g}{self.shared.words}{ending.words}"
+        sure = f"confidence {confidence_text(self.confidence)}{self.shared.words}{ending.words}"
         claim = f"a new flight {supported.claim}, {sure}: {said}" if supported.claim else ""
         return Fenced(
             heights=fence.heights,

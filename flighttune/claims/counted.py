@@ -15,7 +15,7 @@ from flighttune.base.arrays import FloatArray, check_between
 from flighttune.base.errors import InputError
 from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
-from flighttune.base.words import listed, number, quoted
+from flighttune.base.words import confidence_text, listed, number, quoted
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.claims.about import About, Of, Over
 from flighttune.claims.distribution import Distribution
@@ -298,9 +298,10 @@ class Counted(Answering):
                 f"nothing is claimed: of {flights} fresh flights {self.lost}, and at most "
                 f"{self.allowed} may"
             )
+        sure = f"confidence {confidence_text(self.confidence)}{self.shared.words}"
         return (
             f"a new flight {self._leaves} with probability at most "
-            f"{number(ending.epsilon)}, confidence {self.confidence:.10g}{self.shared.words}: "
+            f"{number(ending.epsilon)}, {sure}: "
             f"{self.outside} of {flights} fresh flights did"
         )
 

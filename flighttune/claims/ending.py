@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.words import at_most, number
+from flighttune.base.words import at_most, confidence_text, number
 from flighttune.campaigns.statistics.count import (
     LOOK,
     OUTSIDE,
@@ -69,7 +69,7 @@ class Shared(NamedTuple):
         shared = [f"by {parts}"] if parts else []
         if self.planned:
             epsilon, confidence = self.planned
-            shared.append(f"with the claim planned, {epsilon:g} at {confidence:.10g}")
+            shared.append(f"with the claim planned, {epsilon:g} at {confidence_text(confidence)}")
         return f" (shared {' and '.join(shared)})" if shared else ""
 
 

@@ -14,7 +14,7 @@ from flighttune.base.answering import Answering
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.table import STRICT, read, validated, write
-from flighttune.base.words import at_most
+from flighttune.base.words import at_most, confidence_text
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.planning.plan import Plan, aircraft_hashes, plan_from
@@ -167,7 +167,8 @@ class PerHour(Answering):
         """The claim."""
         return (
             f"At most {at_most(self.bound.total, 3)} flights per flight hour leave the operational "
-            f"volume, at a confidence of {self.confidence:g}, with the rates of faults as declared"
+            f"volume, at a confidence of {confidence_text(self.confidence)}, "
+            "with the rates of faults as declared"
         )
 
     def save(self, path: str | Path) -> None:

@@ -155,7 +155,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     flown = flights_of_source(source, changes=changes).starting(start_deg).knowing(navigation)
     if flown.mission is not None:
         raise InputError(
-            f"{source}: flights of a mission must be counted with `flighttune mission`, in "
+            f"{flown.mission}: flights of a mission must be counted with `flighttune mission`, in "
             "Python with `ft.mission`."
         )
     drawn_plan = drawn(flown, plant, gains, air).with_seed(seed)

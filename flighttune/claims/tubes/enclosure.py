@@ -19,7 +19,7 @@ from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.base.files.whole import whole_file
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
-from flighttune.base.words import at_least, at_most, quoted
+from flighttune.base.words import at_least, at_most, confidence_text, quoted
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.problem import (
@@ -128,8 +128,8 @@ class CountedProbability:
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        chance = f"probability at most {at_most(self.at_most)}, confidence {self.confidence:.10g}"
-        return f"{self._LEAVES[self.of]} with {chance}"
+        chance, sure = at_most(self.at_most), confidence_text(self.confidence)
+        return f"{self._LEAVES[self.of]} with probability at most {chance}, confidence {sure}"
 
 
 @checked_class

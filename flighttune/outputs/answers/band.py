@@ -7,7 +7,7 @@ import numpy as np
 
 from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError
-from flighttune.base.words import at_most, pick
+from flighttune.base.words import at_most, confidence_text, pick
 from flighttune.claims.band import Band, Fenced
 from flighttune.claims.counted import Counted
 from flighttune.claims.known import navigation_errors
@@ -74,7 +74,7 @@ def summary(band: Band, room: Counted | None = None, room_words: str = "") -> li
     about, flights, planned = band.about, len(band.scores), band.flights.route
     fenced = band.inside(about.fences[-1]) if about.fences else None
     confidence = band.confidence - (0.0 if room is None else 1.0 - room.confidence)
-    sure = f"at a confidence of {confidence:.6g} for all that is said here"
+    sure = f"at a confidence of {confidence_text(confidence)} for all that is said here"
     if band.too_many_lost:
         whether = (
             f"No: of {flights} flights {band.lost}; at most {band.allowed} of {band.first} may."

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from flighttune.base.words import at_most, listed
+from flighttune.base.words import at_most, confidence_text, listed
 from flighttune.claims.per_hour import LATER_S, PerHour, healthy_flights_for
 from flighttune.outputs.answers.answer import Answer, Column, Table
 
@@ -79,7 +79,7 @@ def summary(hourly: PerHour) -> list[str]:
     aim = "" if target is None else f"; the target is {target:g}"
     lines = [
         f"{begin}{'A' if not begin else 'a'}t most {total} flights per flight hour leave the "
-        f"operational volume, at a confidence of {hourly.confidence:g}{aim}.",
+        f"operational volume, at a confidence of {confidence_text(hourly.confidence)}{aim}.",
         f"Of the exits per flight hour, healthy flight has {at_most(bound.healthy, 2)}, "
         f"{', '.join(shares)}, and two faults in a flight {at_most(bound.several, 2)}.",
     ]

@@ -377,6 +377,9 @@ class Sheet:
     # entries shared by several charts, drawn once at the top
     legend: Sequence[LegendEntry] = ()
 
+    def __repr__(self) -> str:
+        return f"Sheet of {len(self.charts)} charts: {', '.join(x.title for x in self.charts)}"
+
     def save(self, path: str | Path) -> None:
         """Write an SVG file, under a temporary name until it is whole."""
         write_text(Path(path), self.svg())

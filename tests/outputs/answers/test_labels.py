@@ -8,7 +8,7 @@ import pytest
 
 import flighttune
 from flighttune.base.names import key_words
-from flighttune.base.words import at_least, at_most
+from flighttune.base.words import at_least, at_most, confidence_text
 from flighttune.flight import metrics
 from flighttune.outputs.answers import labels
 
@@ -82,6 +82,21 @@ def test_a_dispersed_quantity_is_said_in_words(key, words):
 )
 def test_a_bound_in_few_digits_is_on_its_side(value, digits, below, above):
     assert (at_least(value, digits), at_most(value, digits)) == (below, above)
+
+
+@pytest.mark.parametrize(
+    ("confidence", "shown"),
+    [
+        (0.95, "0.95"),
+        (0.999, "0.999"),
+        (1.0 - 0.1 / 3.0, "0.966"),
+        (1.0 - 0.2 / 3.0, "0.933"),
+        (1.0 - 0.001 / 3.0, "0.99966"),
+        (1.0, "1"),
+    ],
+)
+def test_a_confidence_has_two_digits_of_what_it_leaves_open(confidence, shown):
+    assert confidence_text(confidence) == shown
 
 
 def test_a_requirement_in_words_has_all_its_values_in_the_unit_shown():
