@@ -225,13 +225,16 @@ def _plan_of(ends: Ends, fault: int | None, how: HowEnded | None, window_s: floa
 
 
 def _longest(plan: Plan, tables: dict[str, Any]) -> float:
-    """Time for the manoeuvre that ends a flight, s: it is longest from the highest place."""
-    path = planned_route(plan.campaign.central).reference.path
-    at_m = float(path.s[path.up[path.s <= path.length].argmax()])
-    ending = {**tables["route"]["ending"], "at_m": at_m}
-    ended = scenario_from({**tables, "route": {**tables["route"], "ending": ending}})
-    length = planned_route(ended).reference.path.length - at_m
-    return MANOEUVRE * math.ceil(length / min(plan.campaign.central.airspeeds))
+    """Time for the manoeuvre that ends a flight, s, from where it is longest."""
+    path, lengths = planned_route(plan.campaign.central).reference.path, []
+    flown = path.s <= path.length
+    # The way down is longest from the highest place, the way home from the farthest.
+    for far in (path.up, np.hypot(path.north - path.north[0], path.east - path.east[0])):
+        at_m = float(path.s[far[flown].argmax()])
+        ending = {**tables["route"]["ending"], "at_m": at_m}
+        ended = scenario_from({**tables, "route": {**tables["route"], "ending": ending}})
+        lengths.append(planned_route(ended).reference.path.length - at_m)
+    return MANOEUVRE * math.ceil(max(lengths) / min(plan.campaign.central.airspeeds))
 
 
 def _range_of(plan: Plan, fault: FaultRateTable) -> tuple[float, float] | None:

@@ -11,7 +11,6 @@ from flighttune.base import quantities as q
 from flighttune.routes import turns
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import BEYOND_S, PULL_UP_N_Z, PULL_UP_S, STEP, Ability, Path, laid_from
-from flighttune.routes.turn_back_keys import BACK_S
 
 Manoeuvre: TypeAlias = Literal["turn_back", "circle", "straight"]
 
@@ -25,19 +24,11 @@ GLIDE = 30.0
 class RouteEndingTable(q.Table):
     """``[route.ending]``: a level path from one place of the route on, until the flight ends."""
 
-    # turn_back: half a turn and 8 s; circle: two circles; both as tight as the route's turns
+    # turn_back: to the start of the route, or two circles if a turn is wider than the way there;
+    # circle: two circles; as tight as the route's turns
     kind: Manoeuvre
     at_m: Annotated[q.Finite, Field(ge=0.0)] | None = None  # along the route; nowhere if left out
     side: Literal[-1, 1] = 1  # right positive
-
-    def length(self, ability: Ability, height: float) -> float:
-        """Greatest length of the path that ends a flight at a height over ground (m), m."""
-        if self.kind == "straight":
-            return GLIDE * height
-        rolling = 4.0 * ability.rolling(ability.curvature)
-        if self.kind == "circle":
-            return rolling + CIRCLES * math.tau / ability.curvature
-        return rolling + math.pi / ability.curvature + BACK_S * ability.speed
 
     def followed(
         self, reference: RouteReference, ability: Ability, height: float
@@ -55,8 +46,9 @@ class RouteEndingTable(q.Table):
 
     def _path(self, path: Path, i: int, ability: Ability, height: float) -> Path:
         """The path up to its point `i`, and then the manoeuvre."""
-        pieces = self._pieces(float(path.curvature[i]), ability, height)
         pose = turns.Pose(float(path.north[i]), float(path.east[i]), float(path.course[i]))
+        home = float(path.north[0]), float(path.east[0])
+        pieces = self._pieces(pose, float(path.curvature[i]), home, ability, height)
         north, east, course, curvature = laid_from(pose, pieces)
         # The climb ends like the changes of climb of a route.
         first = float(path.slope[i])
@@ -78,21 +70,26 @@ class RouteEndingTable(q.Table):
         begun = tuple(x for x in path.stretches if x.start <= STEP * i)
         return Path(length=length, stretches=begun, **joined)
 
-    def _pieces(self, before: float, ability: Ability, height: float) -> turns.Pieces:
-        """The manoeuvre after a curvature of the path, and a piece beyond its end."""
+    def _pieces(
+        self,
+        pose: turns.Pose,
+        before: float,
+        home: tuple[float, float],
+        ability: Ability,
+        height: float,
+    ) -> turns.Pieces:
+        """The manoeuvre from a pose and curvature of the path, and a piece beyond its end."""
         beyond = BEYOND_S * ability.speed
         if self.kind == "straight":
             rolling = abs(ability.rolling(before))
-            glide = turns.Piece(self.length(ability, height), 0.0, 0.0)
+            glide = turns.Piece(GLIDE * height, 0.0, 0.0)
             return turns.Piece(rolling, before, 0.0), glide, turns.Piece(beyond, 0.0, 0.0)
         k = self.side * ability.curvature
-        rolling = abs(ability.rolling(k) - ability.rolling(before))
-        into = turns.Piece(rolling, before, k)
-        if self.kind == "circle":
-            circles = turns.Piece(CIRCLES * math.tau / abs(k), k, k)
-            return into, circles, turns.Piece(beyond, k, k)
-        out = turns.Piece(ability.rolling(abs(k)), k, 0.0)
-        turned = 0.5 * (before + k) * into.length + 0.5 * k * out.length
-        arc = max((self.side * math.pi - turned) / k, 0.0)
-        back = turns.Piece(BACK_S * ability.speed, 0.0, 0.0)
-        return into, turns.Piece(arc, k, k), out, back, turns.Piece(beyond, 0.0, 0.0)
+        into = turns.Piece(abs(ability.rolling(k) - ability.rolling(before)), before, k)
+        if self.kind == "turn_back":
+            x, y, turned = turns.curved([into])
+            rolled = turns.Pose(*pose.beside(x, y), pose.course + turned)
+            if back := turns.back_to(home, rolled, k, ability.rolling(abs(k))):
+                return into, *back, turns.Piece(beyond, 0.0, 0.0)
+        circles = turns.Piece(CIRCLES * math.tau / abs(k), k, k)
+        return into, circles, turns.Piece(beyond, k, k)

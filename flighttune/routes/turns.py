@@ -129,6 +129,27 @@ def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[P
             )
 
 
+def back_to(place: tuple[float, float], turning: Pose, curvature: float, rolling: float) -> Pieces:
+    """The way from a turn to a place: the rest of the turn, its roll-out and a straight line.
+
+    Empty if the place is so near that no straight line from the turn passes it.
+    """
+    side = math.copysign(1.0, curvature)
+    x, y = centre(abs(curvature), rolling)
+    apart, bearing = _vector(turning.beside(0.0, 1.0 / curvature), place)
+    if apart <= math.hypot(x, y):
+        return ()
+    # As in `ways`: the line begins x beyond the foot of the centre, at the distance y.
+    course = bearing + side * math.asin(y / apart)
+    rolled_out = 0.5 * abs(curvature) * rolling
+    angle = (side * (course - turning.course) - rolled_out) % math.tau
+    return (
+        Piece(angle / abs(curvature), curvature, curvature),
+        Piece(rolling, curvature, 0.0),
+        Piece(math.sqrt(apart**2 - y**2) - x, 0.0, 0.0),
+    )
+
+
 def _vector(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     """Distance and bearing from one place to another."""
     north, east = b[0] - a[0], b[1] - a[1]

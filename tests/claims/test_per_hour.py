@@ -176,9 +176,9 @@ def test_a_flight_that_turns_back_is_the_same_to_the_bit_until_it_is_ended():
     )
     before = on.t <= flown.ended_s
     assert back.signals[: before.sum()].equals(on.signals[before])
-    # It rolls in at once, and flies back southward beside its route to the north.
+    # It rolls in at once, and flies back to its start; a route of 300 m is too short to settle on.
     assert back.signals["phi"].loc[flown.ended_s : flown.ended_s + 2.0].abs().max() > 0.1
-    assert np.cos(back.signals["chi"].iloc[-1]) == pytest.approx(-1.0, abs=0.05)
+    assert np.hypot(*back.signals[["north", "east"]].iloc[-1]) < 10.0
     assert flown.end_s == back.t[-1]
 
 

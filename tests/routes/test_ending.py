@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.routes.ending_keys import BACK_S, CIRCLES
+from flighttune.routes.ending_keys import CIRCLES
 from flighttune.routes.path import STEP
 
 # The table of a path has a point each metre, and its end lies between two points.
@@ -16,13 +16,17 @@ ONE_POINT = STEP
 INTEGRATED = 1e-3
 
 
-def ended(kind, at_m, side=1):
-    waypoints = [(0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0)]
-    changes = {
-        "route.waypoint": [{"north_m": n, "east_m": e} for n, e in waypoints],
-        "route.ending": {"kind": kind, "side": side, "at_m": at_m},
-    }
+CORNER = (0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0)
+
+
+def flown(waypoints=CORNER, **ending):
+    changes = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in waypoints], **ending}
     return ft.route("circuit", changes=changes)
+
+
+def ended(kind, at_m, side=1, waypoints=CORNER):
+    ending = {"kind": kind, "side": side, "at_m": at_m}
+    return flown(waypoints, **{"route.ending": ending})
 
 
 def smallest_radius(planned):
@@ -32,9 +36,7 @@ def smallest_radius(planned):
 
 @pytest.fixture(scope="module")
 def whole():
-    waypoints = [(0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0)]
-    changes = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in waypoints]}
-    return ft.route("circuit", changes=changes)
+    return flown()
 
 
 @pytest.mark.parametrize("kind", ["turn_back", "circle", "straight"])
@@ -50,14 +52,32 @@ def test_the_route_is_unchanged_up_to_its_end_and_goes_on_without_a_jump(whole, 
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_flight_turns_back_by_half_a_turn_and_flies_straight(whole, side):
-    path = ended("turn_back", 700.0, side).reference.path
+@pytest.mark.parametrize("at_m", [700.0, 1900.0, 3500.0])  # on both legs, and in the turn
+def test_a_flight_that_turns_back_goes_straight_to_the_start_of_its_route(whole, side, at_m):
+    path = ended("turn_back", at_m, side).reference.path
     last = math.floor(path.length)
-    assert path.course[last] == pytest.approx(side * math.pi, abs=INTEGRATED)
-    straight = (whole.reference.V_a + whole.wind) * BACK_S
-    assert np.abs(path.curvature[last - int(straight) + 1 : last]).max() == 0.0
-    # It is then beside the route by about two radii.
-    assert side * path.east[last] > 2.0 * smallest_radius(whole)
+    assert np.hypot(path.north[last], path.east[last]) <= 1.5 * ONE_POINT
+    turning = np.flatnonzero(path.curvature[int(at_m) :])
+    out = int(at_m) + turning[-1] + 2
+    assert (side * path.curvature[out - 20 : out - 2] >= 0.0).all()
+    # From the roll-out on it flies on the bearing of the start, and it has turned to one side.
+    bearing = np.arctan2(-path.east[out], -path.north[out])
+    assert math.cos(path.course[out] - bearing) == pytest.approx(1.0, abs=INTEGRATED**2)
+    turned = side * (path.course[last] - path.course[int(at_m)])
+    assert 0.0 < turned < math.tau
+    assert np.abs(path.curvature).max() == pytest.approx(1.0 / smallest_radius(whole), rel=1e-2)
+
+
+def test_a_flight_whose_turn_goes_around_home_circles_there(whole):
+    # It comes back beside its start, which lies to its right at the distance of a radius.
+    radius = smallest_radius(whole)
+    places = (0.0, 0.0), (2000.0, 0.0), (2000.0, radius), (-2000.0, radius)
+    path = flown(places).reference.path
+    at_m = 1000.0 + np.hypot(path.north, path.east)[1000:-1000].argmin()
+    back, circled = (
+        ended(kind, at_m, waypoints=places).reference.path.north for kind in ("turn_back", "circle")
+    )
+    assert back.tolist() == circled.tolist()
 
 
 def test_a_flight_circles_with_the_radius_of_the_turns_of_its_route(whole):

@@ -41,8 +41,8 @@ ENDINGS = {
     "cut": "A cut closes the throttle and moves the surfaces to their stops.",
     "parachute": "A parachute ends a flight where it is, and drifts with the wind there.",
     "turn_back": (
-        "A flight that turns back makes half a turn to a side that is drawn, as tight as the turns "
-        "of the route, and flies straight for 8 s."
+        "A flight that turns back turns to a side that is drawn, as tight as the turns of the "
+        "route, and flies straight to the start of the route, where it ends."
     ),
     "circle": "A flight that circles makes two circles, as tight as the turns of the route.",
     "glide": "A flight that glides closes the throttle and goes straight on to the ground.",
