@@ -80,7 +80,7 @@ def summary(hourly: PerHour) -> list[str]:
     lines = [
         f"{begin}{'A' if not begin else 'a'}t most {total} flights per flight hour leave the "
         f"operational volume, at a confidence of {confidence_text(hourly.confidence)}{aim}.",
-        f"Of the exits per flight hour, healthy flight has {at_most(bound.healthy, 2)}, "
+        f"Of the exits per flight hour, healthy flight has {at_most(bound.healthy, 3)}, "
         f"{', '.join(shares)}, and two faults in a flight {at_most(bound.several, 2)}.",
     ]
     return [*lines, *latest(hourly), matters_most(hourly)]
