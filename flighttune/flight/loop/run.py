@@ -255,6 +255,9 @@ class Run:
     def __post_init__(self) -> None:
         object.__setattr__(self, "signals", SignalTable(self.signals))
 
+    def __repr__(self) -> str:
+        return f"Run {self.label}: {self.status}, {len(self.signals)} samples"
+
     @property
     def label(self) -> str:
         """``plant / gains``, the name of the run everywhere."""
