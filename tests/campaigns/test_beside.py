@@ -60,7 +60,7 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     assert sources == {file.name, "default of ArduPilot 4.5"}
     gains = beside.plan.gain_sets[beside.plan.groups[-1].gains]
     period = 4.0 * math.pi * 0.8 / gains.K_P[0, 0]
-    said = f"{gains.K_P[0, 0]:.2f} 1/s, is NAVL1_PERIOD = {period:.1f} s (yours 14 s)"
+    said = f"{gains.K_P[0, 0]:.2f} 1/s, corresponds to NAVL1_PERIOD = {period:.1f} s (yours 14 s)"
     assert said in answer.summary[2]
 
 
@@ -152,8 +152,15 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(file, lost):
         # one of 93 may be outside at 5 % and 0.95 (S. S. Wilks): the second largest
         assert row["ours"] == pytest.approx(np.sort(ours)[-2] * factor)
         assert row["yours"] == pytest.approx(np.sort(yours)[-2] * factor)
-    counted = "1 (left envelope) | 0" if lost == "yours" else "0 | 1 (left envelope)"
-    assert f"; lost {counted} of 93." in many.answer().summary[0]
+    counted = {"yours": "0", "ours": "0", lost: "1 (left envelope)"}
+    assert (
+        many.answer()
+        .summary[0]
+        .endswith(
+            f"Aircraft lost in {n} flights: your parameters {counted['yours']}, "
+            f"our law {counted['ours']}."
+        )
+    )
 
 
 def test_a_log_lies_between_the_flights_that_were_completed():
@@ -238,7 +245,7 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     out, _ = flighttune(
         "compare", "level_turn", "--with", file, "--out", page, "--workers", "1", status=0
     )
-    assert "Largest errors of 1; 59 are needed for a bound" in " ".join(out.split())
+    assert "The largest errors of 1 flights; 59 are needed for a bound" in " ".join(out.split())
     shown = page.read_text()
     parts = re.findall(r'<(section|details) id="(\w+)"( open)?', shown)
     assert parts[:4] == [
@@ -274,4 +281,4 @@ def test_what_is_not_emulated_of_a_mission_is_named_with_the_keys_that_fly_it(fi
     assert "must be flown at one airspeed" in said
     assert "an airspeed of 20 m/s by item 3" in said
     asked += re.search(r"--set flight.V_a_mps=25", said)[0].split()
-    assert "lost 0 | 0 of 1" in " ".join(flighttune(*asked)[0].split())
+    assert "Neither lost an aircraft in 1 flight." in " ".join(flighttune(*asked)[0].split())

@@ -74,31 +74,55 @@ def answer(beside: Beside) -> Answer:
 def kept_errors(beside: Beside) -> tuple[str, str]:
     """Words for the bounds on errors of a new flight, in short and with the confidence."""
     if (n := beside.plan.draws) < (needed := flights_needed(EPSILON, CONFIDENCE)):
-        return f"Largest errors of {n}", f"Largest errors of {n}; {needed} are needed for a bound"
-    kept = f"Errors that {percent(1.0 - EPSILON)} % of flights keep to"
-    return kept, f"{kept}, each by itself, at a confidence of {percent(CONFIDENCE)} %"
+        largest = f"the largest errors of {n} flights"
+        return largest, f"{largest.capitalize()}; {needed} are needed for a bound"
+    kept = f"the errors that {100.0 * (1.0 - EPSILON):g} % of flights keep to"
+    sure = f"each by itself, at a confidence of {100.0 * CONFIDENCE:g} %"
+    return kept, f"{kept.capitalize()}, {sure}"
 
 
 def summary(beside: Beside, kept: str, accuracy: Rows, lost: Mapping[str, Rows]) -> list[str]:
     """Bounds on errors, lost flights, draws in which ours is better, the loops, and the basis."""
-    n, both, better, said = beside.plan.draws, [], [], []
-    for x in accuracy[:3]:  # cross track, height and airspeed of a route
-        yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
-        both.append(f"{x['of']} {yours} | {ours} {x['unit']}")
-        better.append(f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)")
-    for rows in lost.values():
-        why = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
-        said.append(f"{len(rows)} ({why})" if rows else "0")
+    n, shown = beside.plan.draws, accuracy[:3]  # cross track, height and airspeed of a route
+    better = [
+        f"{x['better']} for the {x['of']} ({percent(x['lo'])} to {percent(x['hi'])} %)"
+        for x in shown
+    ]
     checked = "" if beside.tracking else "; not checked against a log"
     beyond = listed(beside.now.beyond)
     beyond = f" Beyond their published ranges: {beyond}." if beyond else ""
     return [
-        f"{kept}, yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
-        f"Ours is better of {n} draws in: {', '.join(better)}.",
+        f"By {kept}, {nearer(shown)}. {losses(lost, n)}",
+        f"Draw by draw, our law has the smaller error in {listed(better)} of {n}.",
         in_your_terms(beside),
-        f"Yours: the equations of {beside.now.name} above the inner loop here, not the "
-        f"firmware{checked}.{beyond}",
+        f"What flies for you are the equations of {beside.now.name} above the inner loop here, "
+        f"not the firmware{checked}.{beyond}",
     ]
+
+
+def nearer(accuracy: Rows) -> str:
+    """In which errors our law is better, and in which it is not, with both values."""
+    closer: list[str] = []
+    farther: list[str] = []
+    for x in accuracy:
+        yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
+        said = closer if x[OURS] < x[YOURS] else farther
+        said.append(f"{x['of']} {ours} {x['unit']} (yours {yours} {x['unit']})")
+    better = f"our law is better in {listed(closer)}" if closer else ""
+    worse = f"{'' if closer else 'our law is '}not better in {listed(farther)}"
+    return ", and ".join(filter(None, [better, worse if farther else ""]))
+
+
+def losses(lost: Mapping[str, Rows], draws: int) -> str:
+    """How many aircraft each side lost, and by which end."""
+    if not any(lost.values()):
+        return f"Neither lost an aircraft in {draws} flight{'s' * (draws > 1)}."
+    said = []
+    for name, rows in lost.items():
+        why = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
+        whose = "your parameters" if name == YOURS else "our law"
+        said.append(f"{whose} {len(rows)}" + (f" ({why})" if rows else ""))
+    return f"Aircraft lost in {draws} flights: {', '.join(said)}."
 
 
 def in_your_terms(beside: Beside) -> str:
@@ -112,8 +136,9 @@ def in_your_terms(beside: Beside) -> str:
         for place, name in enumerate(CUT if cuts else ())
     )
     return (
-        f"Our K_P of the course, {K_P:.2f} 1/s, is {period} = {same:.1f} s (yours "
-        f"{law.roles['period']:g} s). {f'Margins: {margins}.' if margins else ''}"
+        f"On this aircraft our course gain, {K_P:.2f} 1/s, corresponds to {period} = {same:.1f} s "
+        f"(yours {law.roles['period']:g} s); `flighttune meet` with your file says which period "
+        f"keeps to a route. {f'Margins, yours | ours: {margins}.' if margins else ''}"
     ).strip()
 
 
