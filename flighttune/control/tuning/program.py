@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
+from flighttune.base.stop import go_on
 from flighttune.control.linear_model import LinearModel, closed_loops, velocity_form
 from flighttune.control.theory.indicators import indicators_batch, scaled
 from flighttune.control.theory.lyapunov import solution_of_checked
@@ -190,6 +191,7 @@ class Program:
 
     def _spectra(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Logarithms of the spectra of Q, Q and A_K of all models, (3, n), and slopes (3, n, f)."""
+        go_on()  # every step of a search comes here
         key = k.tobytes()
         if self._last[0] != key:
             parts = [

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
+from flighttune.base.stop import go_on
 from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback
 from flighttune.control.theory.lyapunov import solution_of_checked
 from flighttune.control.tuning.noise import NoisyLoop, Responses, Rms
@@ -121,6 +122,7 @@ class _Search:
 
     def costs(self, z: FloatArray) -> FloatArray:
         """Costs to minimise: minus the decay, or the logarithms of the errors of each model."""
+        go_on()  # every step of a search comes here
         free, fed = self.parts(z)
         poles = self._rates(z)
         if self._aim == "decay":

@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 from flighttune.base.errors import FlightTuneError, InputError, StoppedError
 from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import together, write_text
+from flighttune.base.stop import stopped_by
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import plan_campaign
@@ -166,7 +167,8 @@ class Desk:
 
         def run() -> None:
             try:
-                said, found = work(scenario, values, search)
+                with stopped_by(search.go_on):
+                    said, found = work(scenario, values, search)
                 search.show(said, 1.0, done=True, values=found)
             except StoppedError:
                 search.show("stopped; nothing has changed.", 1.0, done=True)
@@ -187,9 +189,8 @@ class Desk:
         if self._searching.acquire(timeout=END_S):
             self._searching.release()
 
-    def _tune(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
+    def _tune(self, scenario: Scenario, _: Any, _search: Search) -> tuple[str, Found]:
         result = tune(scenario)
-        search.go_on()  # tuning cannot be interrupted: its result is dropped after a stop
         if result.gains is None:
             raise InputError(result.reason or "no gains meet the constraints.")
         return f"R_K is {result.R_K:.4g} 1/s.", gain_values(result.gains)

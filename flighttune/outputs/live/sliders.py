@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import shown
 from flighttune.base.signals import SYMBOLS
+from flighttune.base.units import DEG
 from flighttune.control.gains import COMMANDS, PIGains
+from flighttune.flight.conditions import command_limits
 from flighttune.flight.load import check_scenario, chosen_entry
 from flighttune.flight.scenario.load import (
     places_of,
@@ -79,17 +83,34 @@ class Slider:
 
 
 def with_one_gain_set(source: Scenario, wanted: str | None) -> tuple[Scenario, PIGains | None]:
-    """A scenario with one law and one gain set, in numbers; None for a law without gains."""
+    """A scenario with one law, its gain set and the limits in numbers; None if no gains act."""
     entry = chosen_entry(source, wanted)
     scenario = with_gains(source, [wanted or entry.name], source.title)
+    tables = scenario.as_dict()
+    if scenario.aircraft and not tables.get("limits"):  # then those of the first aircraft are flown
+        tables["limits"] = _limits_of(scenario)
     if not entry.law.by_gains:
-        return scenario, None
-    tables, gains = scenario.as_dict(), entry.found_gains
+        return scenario_from(tables), None
+    gains = entry.found_gains
     (listed,) = tables["gains"]
     named = listed if isinstance(listed, dict) else {"name": listed}
     feedback = {"feedback": list(gains.feedback)} if gains.law == "exact" else {}
     tables["gains"] = [{**named, **gains.as_lists(), **feedback}]
     return scenario_from(tables), gains
+
+
+def _limits_of(scenario: Scenario) -> dict[str, Any]:
+    """Limits of roll and load factor, as [limits] states them."""
+    limits = command_limits(scenario)
+    phi, n_z = np.column_stack([limits.lower, limits.upper])[:2]
+    phi_rate, n_z_rate = limits.rate_upper[:2].tolist()
+    in_deg = [float(f"{x / DEG:.12g}") for x in (*phi, phi_rate)]  # without the rounding of DEG
+    return {
+        "phi_deg": in_deg[:2],
+        "phi_rate_dps": in_deg[2],
+        "n_z": n_z.tolist(),
+        "n_z_rate_per_s": n_z_rate,
+    }
 
 
 def sliders_of(scenario: Scenario, gains: PIGains | None) -> list[Slider]:

@@ -1,8 +1,12 @@
 """What sliders stand for: the scenario with the same values set by its keys."""
 
+import tomllib
+
 import pytest
 
 import flighttune as ft
+from flighttune.base.files.shipped import aircraft_folders
+from flighttune.control.controller_keys import LimitsTable
 from flighttune.outputs.live import sliders
 
 SCENARIOS = "level_turn", "paper", "exact_law", "circuit", "turbulent_climb", "paper_as_printed"
@@ -56,6 +60,25 @@ def test_a_gain_that_is_moved_flies_as_the_same_gain_of_a_file(tmp_path):
     by_page = ft.fly(sliders.moved(scenario, every, {"gains[0].K_P[0][0]": 1.1}))
     for one, other in zip(by_page.runs, by_file.runs, strict=True):
         assert one.signals.equals(other.signals)
+
+
+def test_without_limits_those_of_the_aircraft_are_flown_and_have_sliders():
+    scenario, every = page_of("climb_beyond_power")
+    stated = ft.load_scenario("climb_beyond_power")
+    assert stated.limits == LimitsTable()
+    # By hand from aircraft/aerosonde/aircraft.toml.
+    table = tomllib.loads(aircraft_folders()["aerosonde"].joinpath("aircraft.toml").read_text())
+    own, begins = table["limits"], {x.key: x.value for x in every if x.table == "limits"}
+    assert begins == {
+        "limits.phi_deg": own["phi_deg"][1],
+        "limits.phi_rate_dps": own["phi_rate_dps"],
+        "limits.n_z": own["n_z"][1],
+        "limits.n_z_rate_per_s": own["n_z_rate_per_s"],
+    }
+    (by_page,), (flown, _) = ft.fly(scenario).runs, ft.fly(stated).runs
+    assert by_page.signals.equals(flown.signals)
+    moved = sliders.moved(scenario, every, {"limits.n_z": 1.5}).limits
+    assert (moved.n_z, moved.phi_deg) == ((own["n_z"][0], 1.5), tuple(own["phi_deg"]))
 
 
 def test_a_choice_that_is_none_takes_the_table_away():
