@@ -20,6 +20,7 @@ from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import plan_campaign
 from flighttune.campaigns.planning.source import Flights, airframes
 from flighttune.claims.band import Band
+from flighttune.claims.counted_flights import distribution_of
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import tune
 from flighttune.flight.loop.loop import compile_at_once
@@ -218,7 +219,9 @@ class Desk:
                 flown.append(Flown(fly(plan.scenario_of(number))))
             search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
         self._cloud = self._key(values), flown
-        return f"the flights of {AIRCRAFT} aircraft are drawn.", {}
+        varied = distribution_of(plan.campaign, plan.groups[0].plant).varied
+        words = ", ".join(x.partition(" (")[0] for x in varied)
+        return f"{AIRCRAFT} flights are drawn, varied as those of missions: {words}.", {}
 
     def _count(self, scenario: Scenario, values: Any, search: Search) -> tuple[str, Found]:
         """Count the corridor and the odds of leaving the fence of a mission, in the page's air."""
