@@ -121,6 +121,74 @@ def test_unix_times_and_the_clock_of_a_place_are_the_same_hours(tmp_path):
     assert times[0] == times[1]
 
 
+ELEVATION = 480.0
+
+
+def at_pressures(members=2):
+    """The wind of `forecast` at 80 and 120 m over ground, given at 990 and 985 hPa."""
+    tables, hourly = forecast(members=members), {}
+    for name, column in tables["hourly"].items():
+        hourly[name.replace("80m", "990hPa").replace("120m", "985hPa")] = column
+    for pressure, height in (("990hPa", 80.0), ("985hPa", 120.0)):
+        for member in range(members):
+            name = f"geopotential_height_{pressure}" + f"_member{member:02d}" * (member > 0)
+            hourly[name] = [ELEVATION + height] * 3
+    units = {name: "m/s" if "speed" in name else "°" for name in hourly}
+    units |= {name: "m" for name in hourly if "height" in name}
+    return {**tables, "hourly": hourly, "hourly_units": units}
+
+
+@pytest.mark.parametrize("as_written", [json.dumps, as_csv])
+def test_pressure_levels_are_as_high_as_their_geopotential_over_the_ground(tmp_path, as_written):
+    suffix = "json" if as_written is json.dumps else "csv"
+    by_height, by_pressure = tmp_path / f"h.{suffix}", tmp_path / f"p.{suffix}"
+    by_height.write_text(as_written(forecast()))
+    by_pressure.write_text(as_written(at_pressures()))
+    for heights in ((100.0, 100.0), (60.0, 120.0)):
+        one, other = (spread_of(x, START, heights) for x in (by_height, by_pressure))
+        assert one[:2] == other[:2]
+
+
+def test_a_pressure_that_is_lower_at_an_hour_has_its_wind_there(tmp_path):
+    tables = at_pressures(members=1)
+    tables["hourly"]["geopotential_height_990hPa"] = [ELEVATION + up for up in (80.0, 60.0, 80.0)]
+    file = written(tmp_path / "f.json", tables)
+    least, _ = spread_of(f"{file}@2026-11-29T01:00", START, (80.0, 80.0)).speed_mps
+    # By hand: 9 m/s at 60 m and 11 m/s at 120 m.
+    assert least == pytest.approx(9.0 + 2.0 * 20.0 / 60.0, abs=SPEED)
+
+
+def mean_and(spreads, from_deg=250.0, speed=8.0):
+    """The mean wind of an ensemble at 100 m, with some of its spreads, over one hour."""
+    columns = {"wind_speed_100m": speed, "wind_direction_100m": from_deg, **spreads}
+    tables = forecast(levels=(), hours=1)
+    for name, value in columns.items():
+        tables["hourly"][name] = [value]
+        tables["hourly_units"][name] = "m/s" if "speed" in name else "°"
+    return tables
+
+
+S_SPREAD, D_SPREAD = "wind_speed_100m_spread", "wind_direction_100m_spread"
+
+
+@pytest.mark.parametrize(
+    ("spreads", "speeds", "origins"),
+    [
+        ({S_SPREAD: 1.5, D_SPREAD: 12.0}, (5.0, 11.0), (226.0, 274.0)),
+        # Without one of direction it is as wide across as along: asin(4 / 8).
+        ({S_SPREAD: 2.0}, (4.0, 12.0), (220.0, 280.0)),
+        ({S_SPREAD: 4.5}, (0.0, 17.0), (0.0, 360.0)),
+        ({S_SPREAD: 1.0, D_SPREAD: 50.0}, (6.0, 10.0), (150.0, 350.0)),
+        ({S_SPREAD: 1.0, D_SPREAD: 100.0}, (6.0, 10.0), (0.0, 360.0)),
+    ],
+)
+def test_a_mean_wind_is_drawn_from_two_spreads_to_each_side(tmp_path, spreads, speeds, origins):
+    spread = spread_of(written(tmp_path / "f.json", mean_and(spreads)), START, (90.0, 100.0))
+    assert spread.speed_mps == pytest.approx(speeds, abs=SPEED)
+    assert spread.from_deg == pytest.approx(origins, abs=DIRECTION)
+    assert "the mean of an ensemble and 2 of its spreads to each side" in spread.words
+
+
 @pytest.mark.parametrize(
     ("angles", "ends"),
     [
@@ -134,7 +202,7 @@ def test_a_sector_is_the_smallest_with_all_angles(angles, ends):
     assert sector(np.asarray(angles)) == ends
 
 
-def bad(change):
+def bad(change, forecast=forecast):
     tables = forecast()
     change(tables)
     return tables
@@ -159,6 +227,56 @@ BAD = {
     "elsewhere": (lambda x: x.update(latitude=52.5), "within 50 km of the mission"),
     "low": (lambda x: [x["hourly"].pop(k) for k in [*x["hourly"]] if "120m" in k], "100 m over"),
 }
+
+
+HEIGHT_990 = "geopotential_height_990hPa"
+BAD_PRESSURES = {
+    "no height": (lambda x: x["hourly"].pop(HEIGHT_990), f"must have {HEIGHT_990}, got none"),
+    "no ground": (lambda x: x.pop("elevation"), "`elevation` must be a number"),
+    "unit": (lambda x: x["hourly_units"].update({HEIGHT_990: "hPa"}), "must be m or ft, got 'hPa'"),
+    "null": (
+        lambda x: x["hourly"].update({HEIGHT_990: [1, 2, None]}),
+        "`geopotential_height_..` at 2026-11-29 02:00 UTC must be numbers, got null",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_PRESSURES)
+def test_bad_pressure_levels_are_refused_in_a_line(tmp_path, case):
+    change, words = BAD_PRESSURES[case]
+    file = written(tmp_path / "f.json", bad(change, at_pressures))
+    with pytest.raises(FlightTuneError) as caught:
+        spread_of(file, START, (100.0, 100.0))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_forecast_of_more_winds_than_any_has_is_refused(tmp_path):
+    hours, tables = 7000, mean_and({S_SPREAD: 1.0})
+    columns = tables["hourly"]
+    columns |= {name: column * hours for name, column in columns.items()}
+    columns["time"] = [1795906800 + 3600 * i for i in range(hours)]
+    file = written(tmp_path / "f.json", tables)
+    with pytest.raises(InputError, match="`hourly` must have at most 500000 winds, got 518000"):
+        spread_of(file, START, (90.0, 100.0))
+
+
+@pytest.mark.parametrize(
+    ("spreads", "words"),
+    [
+        ({S_SPREAD: -1.0}, f"`{S_SPREAD}` must not be negative"),
+        ({S_SPREAD: 1.0, D_SPREAD: -1.0}, f"`{D_SPREAD}` must not be negative"),
+        ({S_SPREAD: None}, "must be numbers, got null"),
+        (
+            {S_SPREAD: 1.0, "wind_speed_10m": 3.0, "wind_direction_10m": 250.0},
+            "10m_spread, got none",
+        ),
+    ],
+)
+def test_bad_spreads_are_refused_in_a_line(tmp_path, spreads, words):
+    file = written(tmp_path / "f.json", mean_and(spreads))
+    with pytest.raises(InputError, match=words):
+        spread_of(file, START, (90.0, 100.0))
 
 
 @pytest.mark.parametrize("case", BAD)

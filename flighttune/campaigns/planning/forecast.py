@@ -1,24 +1,28 @@
 """The spread of a forecast of wind along a route: JSON and CSV of Open-Meteo, read strictly.
 
-Wind speed and direction at heights over ground, hour by hour, of a forecast
-(https://open-meteo.com/en/docs) or of the members of an ensemble
-(https://open-meteo.com/en/docs/ensemble-api): ``wind_speed_80m``, ``wind_direction_80m`` and
-``wind_speed_80m_member01``, in the unit of ``hourly_units``.
+Wind speed and direction hour by hour, in the unit of ``hourly_units``:
+
+- at heights over ground, of a forecast (https://open-meteo.com/en/docs) or of the members of an
+  ensemble (https://open-meteo.com/en/docs/ensemble-api): ``wind_speed_80m``, ``wind_direction_80m``
+  and ``wind_speed_80m_member01``
+- at pressures: ``wind_speed_850hPa`` with ``geopotential_height_850hPa`` above sea level, less the
+  ``elevation`` of the ground
+- as mean of an ensemble (https://open-meteo.com/en/docs/ensemble-mean-api) with the standard
+  deviation of its members: ``wind_speed_100m_spread`` and, if there, ``wind_direction_100m_spread``
 """
 
 import csv
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, naming
@@ -26,12 +30,31 @@ from flighttune.base.files.table import abridged, file_text, json_tables
 from flighttune.base.units import DEG
 from flighttune.routes.maps import LatLon, json_number, json_part, north_east
 
-# Names of the two quantities at a height over ground, m, and of a member of an ensemble.
-NAME = re.compile(r"wind_?(speed|direction)_(\d+)m(?:_member(\d+))?")
+# Names of a quantity at a height over ground, m, or a pressure, hPa, of a member of an ensemble or
+# of the spread of its members.
+NAME = re.compile(
+    r"(?:wind_?(speed|direction)|geopotential_(height))_(\d+)(m|hPa)(?:_member(\d+))?(_spread)?"
+)
 
 # Units of the wind speed by their names in `hourly_units`, m/s.
 SPEEDS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mp/h": 0.44704, "kn": 1852.0 / 3600.0}
-DEGREES = ("°",)
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "speed": SPEEDS,
+    "direction": {"°": 1.0},
+    "height": {"m": 1.0, "ft": 0.3048},
+}
+
+# Half of the drawn range of a mean wind, in standard deviations of the ensemble's members.
+DEVIATIONS = 2.0
+
+# Most winds of a forecast: 50 members over 16 days have 300,000 at 15 levels.
+MAX_WINDS = 500_000
+
+# Lowest speed of a wind, m/s, which still has a direction.
+CALM = 0.01
+
+# Largest gap between directions, deg, at which the wind counts as from anywhere.
+GAP = 10.0
 
 # Largest distance of the forecast from the mission's start, m: models have cells of up to 50 km.
 FARTHEST = 50_000.0
@@ -53,8 +76,9 @@ class WindForecast:
     file: str
     place: LatLon
     times: Sequence[datetime]  # rising, with the offset of the file
-    levels: FloatArray  # (levels,), m over ground, rising
+    levels: FloatArray  # (times, levels, members), m over ground, rising; may be NaN
     wind: FloatArray  # (times, levels, members, 2): velocity to north and east, m/s; may be NaN
+    kind: str  # what the members are, in words
 
     def spread(self, start: LatLon, over_ground: tuple[float, float], during: str) -> Spread:
         """The range of the wind at heights over ground (m), at the start of a route.
@@ -69,23 +93,23 @@ class WindForecast:
                 f"which starts at {start[0]:.4f}, {start[1]:.4f}, got {self.place[0]:g}, "
                 f"{self.place[1]:g}."
             )
-        if (high := over_ground[1]) > self.levels[-1]:
-            raise InputError(
-                f"`wind_speed_..m` must reach the height of the mission, {high:.0f} m over ground, "
-                f"got {', '.join(f'{x:g}' for x in self.levels)} m."
-            )
         begin, end = self._during(during)
-        wind = self._at_heights(over_ground)[begin : end + 1]
-        if np.isnan(wind).any():
-            lost = begin + int(np.argwhere(np.isnan(wind))[0, 0])
-            raise InputError(f"the wind at {self._said(lost)} must be numbers, got null.")
-        speed = np.hypot(*np.moveaxis(wind, -1, 0)).ravel()
+        inside = slice(begin, end + 1)
+        if (lost := np.isnan(self.levels[inside]).any(axis=(1, 2))).any():
+            when = self._said(begin + int(lost.argmax()))
+            raise InputError(f"`geopotential_height_..` at {when} must be numbers, got null.")
+        top = self.levels[inside].max(axis=1)
+        if (high := over_ground[1]) > (lowest := float(top.min())):
+            raise InputError(
+                f"`wind_speed_..` must reach the height of the mission, {high:.0f} m over ground, "
+                f"got {lowest:.0f} m."
+            )
+        wind = np.concatenate([*self._at_heights(over_ground, inside)])
+        speed = np.hypot(*wind.T)
         # Rounded outwards: the wind comes from where it does not blow to.
         slowest, fastest = (x / 10.0 for x in outwards(10.0 * speed.min(), 10.0 * speed.max()))
-        origins = sector(np.arctan2(-wind[..., 1], -wind[..., 0]).ravel() / DEG)
-        members = self.wind.shape[2]
-        when = self._said(begin, end)
-        how = f"{members} members" if members > 1 else "one forecast without its error"
+        origins = sector(np.arctan2(-wind[:, 1], -wind[:, 0]) / DEG)
+        when, how = self._said(begin, end), self.kind
         return Spread(
             speed_mps=(slowest, fastest),
             from_deg=origins,
@@ -94,19 +118,24 @@ class WindForecast:
             f"{ends((slowest, fastest))} m/s from {ends(origins)} deg.",
         )
 
-    def _at_heights(self, over_ground: tuple[float, float]) -> FloatArray:
-        """Wind at the ends of a range of heights and between, (times, heights, members, 2)."""
-        low, high = (float(np.clip(x, self.levels[0], self.levels[-1])) for x in over_ground)
-        between = self.levels[(self.levels > low) & (self.levels < high)].tolist()
-        winds = []
-        for height in dict.fromkeys((low, *between, high)):
-            i = int(np.searchsorted(self.levels, height))
-            # At a level, nulls of the one below do not matter.
-            below = i if height == self.levels[i] else i - 1
-            step = self.levels[i] - self.levels[below]
-            share = (height - self.levels[below]) / step if step else 1.0
-            winds.append((1.0 - share) * self.wind[:, below] + share * self.wind[:, i])
-        return np.stack(winds, axis=1)
+    def _at_heights(self, over_ground: tuple[float, float], inside: slice) -> Iterator[FloatArray]:
+        """Wind at the ends of a range of heights and at levels between, (winds, 2), by member."""
+        times = range(*inside.indices(len(self.times)))
+        for time, member in product(times, range(self.levels.shape[2])):
+            levels, winds = self.levels[time, :, member], self.wind[time, :, member]
+            low, high = np.clip(over_ground, levels[0], levels[-1]).tolist()
+            between = levels[(levels > low) & (levels < high)].tolist()
+            at = []
+            for height in dict.fromkeys((low, *between, high)):
+                i = int(np.searchsorted(levels, height))
+                # At a level, nulls of the one below do not matter.
+                below = i if height == levels[i] else i - 1
+                step = levels[i] - levels[below]
+                share = (height - levels[below]) / step if step else 1.0
+                at.append((1.0 - share) * winds[below] + share * winds[i])
+            if np.isnan(at).any():
+                raise InputError(f"the wind at {self._said(time)} must be numbers, got null.")
+            yield np.array(at)
 
     def _during(self, during: str) -> tuple[int, int]:
         """Places of the first and the last time that surround an interval."""
@@ -150,6 +179,8 @@ def sector(angles: FloatArray) -> tuple[float, float]:
     """The smallest sector with all angles, in whole degrees outwards: begin, and end above it."""
     rising = np.sort(angles.round(6) % 360.0)
     gaps = np.diff(rising, append=rising[0] + 360.0)
+    if gaps.max() <= GAP:
+        return 0.0, 360.0
     begin = float(rising[(int(gaps.argmax()) + 1) % len(rising)])
     low, high = outwards(begin, begin + 360.0 - float(gaps.max()))
     return (low, high) if high - low < 360.0 else (0.0, 360.0)
@@ -177,41 +208,113 @@ def load_forecast(path: str | Path) -> WindForecast:
             hourly, json_number(tables.get("utc_offset_seconds"), "`utc_offset_seconds`")
         )
         columns = {
-            name: _column(name, hourly, units, len(times))
+            _of(name): _column(name, hourly, units, len(times))
             for name in hourly
             if NAME.fullmatch(name)
         }
-        levels = sorted({_of(name)[1] for name in columns})
-        members = sorted({_of(name)[2] for name in columns})
-        if not levels:
-            raise InputError("`hourly` must have wind_speed_80m or another height, got none.")
-        names = {_of(name): name for name in columns}
-        wind = np.empty((len(times), len(levels), len(members), 2))
-        for i, level in enumerate(levels):
-            for k, member in enumerate(members):
-                speed, origin = (
-                    columns[_named(names, kind, level, member)] for kind in ("speed", "direction")
-                )
-                wind[:, i, k] = np.column_stack(
-                    [-speed * np.cos(origin * DEG), -speed * np.sin(origin * DEG)]
-                )
+        winds, heights, kind = _winds(columns, len(times), tables)
+        rising = np.argsort(heights, axis=1, kind="stable")
         return WindForecast(
-            file=str(path), place=(lat, lon), times=times, levels=np.array(levels, float), wind=wind
+            file=str(path),
+            place=(lat, lon),
+            times=times,
+            levels=np.take_along_axis(heights, rising, axis=1),
+            wind=np.take_along_axis(winds, rising[..., None], axis=1),
+            kind=kind,
         )
 
 
-def _of(name: str) -> tuple[str, int, int]:
-    """Quantity, height and member of a column; empty values for another column."""
+class _Of(NamedTuple):
+    """What a column is of."""
+
+    quantity: str  # speed, direction or height
+    level: int
+    unit: str  # of the level: m or hPa
+    member: int = 0
+    spread: bool = False
+
+    @property
+    def name(self) -> str:
+        """The name of the column."""
+        start = "geopotential" if self.quantity == "height" else "wind"
+        member = f"_member{self.member:02d}" * (self.member > 0)
+        return f"{start}_{self.quantity}_{self.level}{self.unit}{member}{'_spread' * self.spread}"
+
+
+Columns: TypeAlias = Mapping[_Of, FloatArray]
+
+
+def _of(name: str) -> _Of:
+    """What the column of a name is of."""
     found = NAME.fullmatch(name)
-    return (found[1], int(found[2]), int(found[3] or 0)) if found else ("", 0, 0)
+    assert found is not None  # of the columns that are read
+    speed, height, level, unit, member, spread = found.groups()
+    return _Of(speed or height, int(level), unit, int(member or 0), bool(spread))
 
 
-def _named(names: Mapping[tuple[str, int, int], str], kind: str, level: int, member: int) -> str:
-    """The name of a column; InputError if the file lacks it."""
-    if (name := names.get((kind, level, member))) is None:
-        of_member = f"_member{member:02d}" * (member > 0)
-        raise InputError(f"`hourly` must have wind_{kind}_{level}m{of_member}, got none.")
-    return name
+def _column_of(columns: Columns, of: _Of) -> FloatArray:
+    """A column; InputError if the file lacks it."""
+    if (column := columns.get(of)) is None:
+        raise InputError(f"`hourly` must have {of.name}, got none.")
+    return column
+
+
+def _winds(
+    columns: Columns, count: int, tables: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray, str]:
+    """Wind, (times, levels, members, 2), its heights over ground, m, and what members are."""
+    of_wind = [x for x in columns if x.quantity != "height" and not x.spread]
+    levels = sorted({(x.unit, x.level) for x in of_wind})
+    members = sorted({x.member for x in of_wind})
+    if not levels:
+        raise InputError("`hourly` must have wind_speed_80m or another height, got none.")
+    spread = any(x.spread and x.quantity == "speed" for x in columns)
+    # A member at every corner of the range, and between its directions for `sector`.
+    ends = [*product((-1.0, 1.0), np.linspace(-1.0, 1.0, 37).tolist())] if spread else [(0.0, 0.0)]
+    if (number := count * len(levels) * len(members) * len(ends)) > MAX_WINDS:
+        raise InputError(f"`hourly` must have at most {MAX_WINDS} winds, got {number}.")
+    winds = np.empty((count, len(levels), len(members) * len(ends), 2))
+    heights = np.empty(winds.shape[:3])
+    for i, (unit, level) in enumerate(levels):
+        for k, member in enumerate(members):
+            of = _Of("speed", level, unit, member)
+            speed, origin = (
+                _column_of(columns, of._replace(quantity=x)) for x in ("speed", "direction")
+            )
+            more, aside = _half_range(columns, of) if spread else (0.0, 0.0)
+            across = slice(k * len(ends), (k + 1) * len(ends))
+            heights[:, i, across] = _over_ground(columns, of, tables)[:, None]
+            around = (
+                _velocity(np.maximum(speed + a * more, CALM), origin + b * aside) for a, b in ends
+            )
+            winds[:, i, across] = np.stack([*around], axis=1)
+    kind = f"{len(members)} members" if len(members) > 1 else "one forecast without its error"
+    if spread:
+        kind = f"the mean of an ensemble and {DEVIATIONS:g} of its spreads to each side"
+    return winds, heights, kind
+
+
+def _velocity(speed: FloatArray, origin: FloatArray) -> FloatArray:
+    """Velocity to north and east, (times, 2), of winds from `origin` (deg)."""
+    return np.column_stack([-speed * np.cos(origin * DEG), -speed * np.sin(origin * DEG)])
+
+
+def _half_range(columns: Columns, of: _Of) -> tuple[FloatArray, FloatArray]:
+    """Half of the range of speed (m/s) and of direction (deg) around a mean wind."""
+    more = DEVIATIONS * _column_of(columns, of._replace(spread=True))
+    aside = columns.get(of._replace(quantity="direction", spread=True))
+    if aside is None:  # as far aside as along
+        share = more / np.maximum(columns[of], CALM)
+        return more, np.where(share < 1.0, np.arcsin(np.minimum(share, 1.0)) / DEG, 180.0)
+    return more, np.minimum(DEVIATIONS * aside, 180.0)
+
+
+def _over_ground(columns: Columns, of: _Of, tables: Mapping[str, Any]) -> FloatArray:
+    """Height over ground of a level, (times,), m."""
+    if of.unit == "m":
+        return np.full(len(columns[of]), float(of.level))
+    ground = json_number(tables.get("elevation"), "`elevation`")
+    return _column_of(columns, of._replace(quantity="height")) - ground
 
 
 def _times(hourly: Mapping[str, Any], offset_s: float) -> list[datetime]:
@@ -236,11 +339,11 @@ def _times(hourly: Mapping[str, Any], offset_s: float) -> list[datetime]:
 
 def _column(
     name: str, hourly: Mapping[str, Any], units: Mapping[str, Any], count: int
-) -> npt.NDArray[np.float64]:
-    """The values of a column in m/s or deg; NaN for null."""
-    unit, speed = units.get(name), _of(name)[0] == "speed"
-    allowed = [*SPEEDS] if speed else [*DEGREES]
-    if unit not in allowed:
+) -> FloatArray:
+    """The values of a column in m/s, deg or m; NaN for null."""
+    of, unit = _of(name), units.get(name)
+    allowed = UNITS[of.quantity]
+    if not isinstance(unit, str) or unit not in allowed:
         raise InputError(
             f"`hourly_units.{name}` must be {' or '.join(allowed)}, got {abridged(unit)}."
         )
@@ -248,9 +351,9 @@ def _column(
     if len(values) != count:
         raise InputError(f"`{name}` must have {count} values as `time`, got {len(values)}.")
     numbers = np.array([json_number(value, f"`{name}`", math.nan) for value in values])
-    if speed and (numbers < 0.0).any():
+    if (of.quantity == "speed" or of.spread) and (numbers < 0.0).any():
         raise InputError(f"`{name}` must not be negative, got {np.nanmin(numbers):g} {unit}.")
-    return numbers * (SPEEDS[unit] if speed else 1.0)
+    return numbers * allowed[unit]
 
 
 def _csv_tables(file: Path) -> dict[str, Any]:
