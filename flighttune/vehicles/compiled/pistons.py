@@ -14,7 +14,7 @@ from flighttune.vehicles.compiled.engine_files import (
 )
 from flighttune.vehicles.compiled.properties import Properties, Unsupported
 from flighttune.vehicles.compiled.tables import Table1, table_of
-from flighttune.vehicles.compiled.trace import Number, different, power, select
+from flighttune.vehicles.compiled.trace import Number, different, negated, power, select
 
 _PSF_TO_PA, _INHG_TO_PA, _PSI_TO_PA = 47.88, 3386.38, 6895
 _STANDARD_PRESSURE = 101320.73
@@ -52,14 +52,15 @@ class _Air:
 
 def piston(now: Properties, engine: EngineFile) -> Number:
     """Power, hp; the engine stops and starts by itself."""
-    motor, at = engine.motor, engine.at
     functions_of(now, engine, ())
-    ambient = now["atmosphere/P-psf"] * _PSF_TO_PA
-    total = now["propulsion/pt-lbs_sqft"] * _PSF_TO_PA
-    ram = (total - ambient) * now[f"{at}/ram-air-factor"] + ambient
-    rpm = now[f"{at}/propeller-rpm"] * propeller_of(engine).gear_ratio
-    speed = (rpm * value_in(motor, "stroke", "IN", 4.375)) / 360
-    air = _Air(ambient, ram, rpm, speed)
+    return power_of(now, engine)
+
+
+def power_of(now: Properties, engine: EngineFile) -> Number:
+    """Power of a piston engine (hp) whose functions are evaluated."""
+    motor, at = engine.motor, engine.at
+    air = _air(now, engine)
+    ambient, rpm, speed = air.ambient, air.rpm, air.piston_speed
     # Both magnetos are on. Fuel is that of the step before.
     slowest = value_of(motor, "idlerpm", 600.0) * _SLOWEST
     was = different(now[f"{at}/set-running"], 0.0)
@@ -83,9 +84,18 @@ def piston(now: Properties, engine: EngineFile) -> Number:
     rubbing = select(runs, -dynamic * speed * FT_TO_M - static, 0.0)
     pumped = (throttled - ambient) * now[f"{at}/volumetric-efficiency"]
     work = (pumped + rubbing) * _displacement(engine) * rpm
-    goes_on = runs & ~(indicated < _STOPS)
+    goes_on = runs & negated(indicated < _STOPS)
     now[f"{at}/set-running"] = select(goes_on, 1.0, 0.0)
     return indicated + work / (value_of(motor, "cycles", 4.0) * 22371) - loss
+
+
+def _air(now: Properties, engine: EngineFile) -> _Air:
+    ambient = now["atmosphere/P-psf"] * _PSF_TO_PA
+    total = now["propulsion/pt-lbs_sqft"] * _PSF_TO_PA
+    ram = (total - ambient) * now[f"{engine.at}/ram-air-factor"] + ambient
+    rpm = now[f"{engine.at}/propeller-rpm"] * propeller_of(engine).gear_ratio
+    speed = (rpm * value_in(engine.motor, "stroke", "IN", 4.375)) / 360
+    return _Air(ambient, ram, rpm, speed)
 
 
 def _displacement(engine: EngineFile) -> float:

@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
@@ -26,8 +27,8 @@ from flighttune.vehicles.compiled.motion import (
     motion_reader,
     quaternion_from,
 )
-from flighttune.vehicles.compiled.pistons import supercharger_of
-from flighttune.vehicles.compiled.properties import named
+from flighttune.vehicles.compiled.pistons import power_of, supercharger_of
+from flighttune.vehicles.compiled.properties import Properties, Unsupported, named
 from flighttune.vehicles.compiled.rigid_body import (
     ACCELERATION_1,
     ANGULAR_ACCELERATION,
@@ -44,14 +45,19 @@ from flighttune.vehicles.compiled.rigid_body import (
     quaternion_rate,
 )
 from flighttune.vehicles.compiled.run import Model
+from flighttune.vehicles.compiled.trace import Graph
 from flighttune.vehicles.compiled.vectors import over
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
 
-# Samples of the inner loop that JSBSim flies: normally, and where gains cannot be set to zero.
-_FEW, _MANY = 12, 2000
+# Samples of the inner loop that JSBSim flies: normally, behind a supercharger, and where gains
+# cannot be set to zero.
+_FEW, _CHARGED, _MANY = 12, 240, 2000
+
+# Distance of a hidden pressure from that by the speed that is shown, in units of its last digit.
+_ULPS = 50
 
 # Frequency of the roll and load-factor commands in the long flight, rad/s.
 _SWEEP = 5.0
@@ -70,13 +76,19 @@ def start_values(
     integrators, delays, dt = integrators_of(fdm, model.root), _delays(model), model.dt
     read = {name: fdm.reader(name) for part in integrators for name in part.reads(fdm)}
     read |= {name: fdm.reader(name) for name in delays}
+    charged = [x for x in model.engines if x.kind == "piston" and supercharger_of(x)]
+    around = filter(fdm.shows, (name for engine in charged for name in _around(engine)))
+    read |= {name: fdm.reader(name) for name in around}
+    few = _CHARGED if charged else _FEW
     motions: list[Motion] = []
     rows: list[Values] = []
     known, motion = all(part.fades for part in integrators), motion_reader(fdm)
     commands = [fdm.writer(name) for name in (properties.PHI_CMD, properties.N_Z_CMD)]
     (_, phi), (low, high) = fdm.config.limits.phi, fdm.config.limits.n_z
-    for k in range((_FEW if known else _MANY) * fdm.steps + 1):
-        if not known:  # a sum that is small beside the input shows where the input changes sign
+    for k in range((few if known else _MANY) * fdm.steps + 1):
+        if charged or not known:
+            # A sum that is small beside the input shows where the input changes sign; a pressure
+            # shows its last digit as it changes.
             swing = 0.4 * math.sin(_SWEEP * k * dt)
             commands[0](phi * swing)
             commands[1](1.0 + min(high - 1.0, 1.0 - low) * swing)
@@ -88,6 +100,9 @@ def start_values(
     for name, count in delays.items():
         # The oldest value comes out first.
         values |= {f"_delay{k}:{name}": rows[count - k + 1][name] for k in range(1, count + 1)}
+    for engine in charged:
+        name = f"_throttled{engine.number}"
+        values[name] = _behind_throttle(values[name], engine, rows, dt)
     sums = _sums(fdm, integrators)
     for part, last in zip(integrators, sums, strict=True):
         values[f"_sum:{part.name}"] = part.settled(rows, last, dt)
@@ -101,6 +116,53 @@ def start_values(
     values |= dict(zip(QUATERNION, q, strict=True))
     values |= dict(zip(QUATERNION_RATE, quaternion_rate(q, motions[0].rates), strict=True))
     return values | dict(zip(ACCELERATION_1, acceleration_before(motions, dt), strict=True))
+
+
+# Properties that decide the power of a piston engine, and states that a step has from the last one.
+_STATES = "propeller-rpm", "boost-speed", "set-running", "fuel-flow-rate-pps"
+_OF_ENGINE = (
+    *("ram-air-factor", "air-intake-impedance-factor", "volumetric-efficiency"),
+    *("friction-hp", "bsfc-lbs_hphr", "boostloss-factor"),
+)
+_OF_AIR = "atmosphere/P-psf", "atmosphere/T-R", "propulsion/pt-lbs_sqft"
+_SHOWN = "map-pa", "power-hp"
+
+
+def _around(engine: EngineFile) -> list[str]:
+    """Properties that decide or show the power of a piston engine."""
+    names = [f"{engine.at}/{name}" for name in (*_STATES, *_OF_ENGINE, *_SHOWN)]
+    return [*names, *_OF_AIR, engine.throttle, engine.numbered("fcs/mixture-pos-norm")]
+
+
+def _behind_throttle(
+    shown: float, engine: EngineFile, rows: Sequence[Mapping[str, float]], dt: float
+) -> float:
+    """The pressure behind the throttle at the start (Pa) near that by the first row of JSBSim.
+
+    The speed of the engine in that row is later than its pressure, and a quotient is rounded.
+    """
+    name, manifold, hp = (f"_throttled{engine.number}", *(f"{engine.at}/{x}" for x in _SHOWN))
+    before_step = {f"{engine.at}/{state}" for state in _STATES}
+    names = [x for x in _around(engine) if x in rows[0]]
+
+    def missed(pressure: float) -> float:
+        """Share by which the first wrong pressure in the manifold or power is wrong."""
+        now = Properties(Graph(), dt)
+        now[name], now[f"_air-flow{engine.number}"] = pressure, 0.0
+        for before, row in pairwise(rows):
+            for x in names:
+                now[x] = before[x] if x in before_step else row[x]
+            power = power_of(now, engine)
+            for value, y in ((now[manifold], row[manifold]), (power, row[hp])):
+                if value != y:
+                    return (value - y) / y if y else math.inf
+        return 0.0
+
+    near = shown * (1.0 - missed(shown))
+    agree = [x for k in range(-_ULPS, _ULPS + 1) if not missed(x := near + k * math.ulp(near))]
+    if len(agree) != 1:
+        raise Unsupported("a pressure behind the throttle that the first steps do not show")
+    return agree[0]
 
 
 def _delays(model: Model) -> dict[str, int]:
