@@ -44,7 +44,9 @@ WORDS: dict[Any, str] = {
     type(None): "None",
 }
 
-ARRAY = {*typing.get_args(npt.ArrayLike)}
+# What NumPy takes for an array: a union of types, since NumPy 2.5 one named type.
+ARRAY = {*typing.get_args(npt.ArrayLike)} or {npt.ArrayLike}
+ARRAYS = np.ndarray, npt.NDArray
 
 
 def checked(call: Call) -> Call:
@@ -166,7 +168,7 @@ def fits(value: Any, annotation: Any) -> bool:
         )
     if origin is typing.Literal:
         return isinstance(value, str | int) and value in inside
-    if origin is np.ndarray:
+    if origin in ARRAYS or annotation is npt.ArrayLike:
         return _is_array(value)
     if origin is tuple and inside[-1:] != (Ellipsis,):
         return _is_list(value) and len(value) == len(inside) and all(map(fits, value, inside))
@@ -228,7 +230,7 @@ def words(annotation: Any) -> str:
         return " or ".join(dict.fromkeys(kinds))
     if origin is typing.Literal:
         return " or ".join(map(repr, inside))
-    if origin is np.ndarray:
+    if origin in ARRAYS or annotation is npt.ArrayLike:
         return "numbers"
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return "a dictionary"

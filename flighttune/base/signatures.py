@@ -11,6 +11,9 @@ Kind = TypeVar("Kind")
 # A longer signature has no types of keywords that may be left out.
 MAX_LENGTH = 300
 
+# Names that NumPy 2.5 has for its types.
+NUMPY = {"NDArray": "ndarray", "ArrayLike": "array_like"}
+
 PLAIN_DEFAULTS = type(None), bool, int, float, str, tuple
 
 
@@ -67,6 +70,7 @@ def short_type(annotation: Any) -> str:
     if origin is typing.Literal:
         return " | ".join(dict.fromkeys(type(x).__name__ for x in inside))
     name = getattr(origin or annotation, "__name__", str(annotation))
+    name = NUMPY.get(name, name)
     several = isinstance(origin, type) and not issubclass(origin, Mapping | Callable)
     if not several or name == "ndarray":
         return name

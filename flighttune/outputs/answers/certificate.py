@@ -25,15 +25,37 @@ def answer(certificate: Certificate) -> Answer:
         "model": pick(certificate.model, "states inputs errors A B C"),
     }
     return Answer(
+        summary=proven_in_words(certificate),
         values=values,
         tables=[
             Table(columns("rate radius L_d"), [values], "certificate"),
             *proof_tables(values),
             gains_table("gains", certificate.gains),
         ],
-        notes=[certificate.in_words, *filter(None, [certificate.boxes_note]), *certificate.assumed],
+        notes=[*filter(None, [certificate.boxes_note]), *certificate.assumed],
         verdict=certificate.sentence,
     )
+
+
+def proven_in_words(proven: Certificate) -> list[str]:
+    """The claim in short: the decay of errors, the meaning of R_K, and what makes it weak."""
+    claim = proven.claim
+    where = "for every flight of the law" if claim.envelope else "for the linear models"
+    where = f"{where} {claim.place}" if claim.envelope or claim.conditions else ""
+    of_norm, scope = f"R_K, {claim.rate:.4g} 1/s, is the rate of the squared norm", ""
+    if proven.exact_rates:
+        rate = proven.rates_values[0]
+        said = (
+            f"Proven: errors shrink as {rate['growth']:.3g} exp(-{rate['decay']:.4g} t) or faster "
+            f"(true rate {rate['true_rate']:.4g} 1/s)"
+        )
+    else:
+        said = f"Proven: errors shrink by exp(-{claim.rate / 2.0:.4g} t) or faster"
+        scope = f", up to a factor of {proven.growth:.3g}"
+    words = [f"{said}{scope}{f' {where}' if where else ' for the linear model'}. {of_norm}."]
+    if proven.in_words != "certified":
+        words.append(f"{proven.in_words[0].upper()}{proven.in_words[1:]}.")
+    return words
 
 
 def proof_tables(values: Mapping[str, Any]) -> list[Table]:

@@ -4,13 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 from flighttune.base.words import pick
-from flighttune.control.certificates.certificate import Certificate
 from flighttune.control.certificates.make import Certification
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.control.theory.indicators import indicators
 from flighttune.outputs.answers.answer import Answer, Column, Table
-from flighttune.outputs.answers.certificate import proof_tables
+from flighttune.outputs.answers.certificate import proof_tables, proven_in_words
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import margins_table
 
@@ -62,27 +61,6 @@ def answer(certification: Certification) -> Answer:
         verdict=proven_in_words(proven)[0] if proven else f"No certificate: {why}",
         failure="" if proven else f"gains {certification.name}: {why}",
     )
-
-
-def proven_in_words(proven: Certificate) -> list[str]:
-    """The claim in short: the decay of errors, the meaning of R_K, and what makes it weak."""
-    claim = proven.claim
-    where = "for every flight of the law" if claim.envelope else "for the linear models"
-    where = f"{where} {claim.place}" if claim.envelope or claim.conditions else ""
-    of_norm, scope = f"R_K, {claim.rate:.4g} 1/s, is the rate of the squared norm", ""
-    if proven.exact_rates:
-        rate = proven.rates_values[0]
-        said = (
-            f"Proven: errors shrink as {rate['growth']:.3g} exp(-{rate['decay']:.4g} t) or faster "
-            f"(true rate {rate['true_rate']:.4g} 1/s)"
-        )
-    else:
-        said = f"Proven: errors shrink by exp(-{claim.rate / 2.0:.4g} t) or faster"
-        scope = f", up to a factor of {proven.growth:.3g}"
-    words = [f"{said}{scope}{f' {where}' if where else ' for the linear model'}. {of_norm}."]
-    if proven.in_words != "certified":
-        words.append(f"{proven.in_words[0].upper()}{proven.in_words[1:]}.")
-    return words
 
 
 def indicators_by_units(certification: Certification) -> list[dict[str, Any]]:

@@ -22,12 +22,14 @@ def answer(verified: Verified) -> Answer:
     notes = *verified.verification.notes, *claim.notes
     place = f"{verified.source}: " if verified.source else ""
     title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
+    short = [f"{title}.", *claim.summary] if valid and claim.summary else []
     # All inclusions of a tube are exact.
     shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
     lacks = kind if verified.verification.checked else "checked"
     return Answer(
+        summary=short,
         values={**pick(verified, "valid reason"), "claim": claim.values},
-        tables=[Table(shown, checks, title, name="checks"), *claim.tables],
+        tables=[Table(shown, checks, "" if short else title, name="checks"), *claim.tables],
         notes=[*stale_notes(value), *(notes if valid else ())],
         verdict=f"{kind if valid else f'claimed, not {lacks}'}: {verified.claim.sentence}",
         failure="" if valid else f"{place}{verified.reason}",
