@@ -182,10 +182,12 @@ class Distribution:
         own = [
             f"{_words(key).removeprefix('navigation ')} {self._range(key)}"
             for key in numbers
-            if not key.endswith(".grade")
+            if not key.endswith((".grade", ".inner_loop"))
         ]
         names = listed([NAMES[grade] for grade in dict.fromkeys(grades)], "or")
-        return f"{names} receiver and inertial unit{f' with {listed(own)}' if own else ''}"
+        inner = " that its inner loop reads" * any(self._values("navigation.inner_loop"))
+        with_own = f" with {listed(own)}" if own else ""
+        return f"{names} receiver and inertial unit{inner}{with_own}"
 
     def _values(self, start: str, end: str = "") -> list[Any]:
         """Both ends of the range, or the value, of each key with this beginning and ending."""

@@ -62,13 +62,15 @@ class NavigationTable(q.Table):
     filter_velocity_mps: Assumed | None = None  # noise of velocity that the filter assumes
     filter_height_m: Assumed | None = None  # noise of height that the filter assumes
     filter_climb_mps: Assumed | None = None  # noise of climb that the filter assumes
+    inner_loop: bool | None = None  # whether gyros and accelerometers of the inner loop err too
     fault: ReceiverFaultTable | None = None
 
     def navigation(self, seed: int) -> Navigation:
         """The errors in SI, drawn from the scenario's `seed`."""
-        stated = self.model_dump(exclude_none=True, exclude={"grade", "fault"})
+        stated = self.model_dump(exclude_none=True, exclude={"grade", "fault", "inner_loop"})
         numbers = {_name(key): value * _unit(key) for key, value in stated.items()}
-        return Navigation.of(self.grade, seed=seed, fault=self._fault, **numbers)
+        drawn = {"seed": seed, "fault": self._fault, "inner_loop": bool(self.inner_loop)}
+        return Navigation.of(self.grade, **drawn, **numbers)
 
     @property
     def _fault(self) -> ReceiverFault | None:

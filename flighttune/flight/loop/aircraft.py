@@ -135,6 +135,16 @@ class CompiledAircraft(WrappedPlant):
         motion = self._motion._replace(steps=self.plant.count_steps(dt))
         return self._step.functions, motion
 
+    def sensed(self, motion: Motion, first: int, until: int) -> tuple[Motion, int]:
+        """A motion with the errors of its sensors from a sample on, and the sample they reach.
+
+        That is `until` at most.
+        """
+        if (drawn := self.plant.errors) is None:
+            return motion, until
+        errors = drawn.reach((first + 1) * motion.steps - 1)
+        return motion._replace(errors=errors), min(until, len(errors) // motion.steps)
+
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""
         return self._observe()
@@ -152,6 +162,8 @@ class CompiledAircraft(WrappedPlant):
         for place, command in zip(motion.commands, commands, strict=False):
             motion.parameters[place] = command
         steps = self.plant.count_steps(duration)
+        if self.plant.errors is not None:
+            motion = motion._replace(errors=self.plant.errors.reach(self._clock + steps - 1))
         from flighttune.flight.loop.compiled import fly_sample
 
         how, flown = fly_sample(*self._step.functions, motion, self._clock, steps)
@@ -229,6 +241,13 @@ def compiled_aircraft(plant: object) -> CompiledAircraft | None:
     return plant if isinstance(plant, CompiledAircraft) else None
 
 
+def jsbsim_plant(plant: object) -> JSBSimPlant | None:
+    """The JSBSim aircraft inside a plant, if there is one."""
+    while isinstance(plant, WrappedPlant):
+        plant = plant.plant
+    return plant if isinstance(plant, JSBSimPlant) else None
+
+
 class NotCompiled(Exception):
     """JSBSim must fly this flight although its step is compiled."""
 
@@ -285,6 +304,8 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         ceiling=(CEILING - fdm.ground) / FT,
         stream=np.empty((DRAWN if turbulent else 1, 4 if turbulent else 0)),
         random=start.random,
+        errors=np.empty((0, len(properties.ERRORS))),
+        error_places=tuple(map(place, properties.ERRORS)),
         change_at=np.array(at, dtype=np.int64),
         change_place=np.array(where, dtype=np.int64),
         change_to=np.array(to, dtype=float),

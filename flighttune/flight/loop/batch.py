@@ -108,6 +108,10 @@ class Motion(NamedTuple):
     # turbulence
     stream: FloatArray
     random: npt.NDArray[np.int64]
+    # Errors of the inner loop's sensors, a row for each integration step or none, and their places
+    # among the parameters
+    errors: FloatArray
+    error_places: tuple[int, ...]
     # Changes of parameters, or of states, whose places count down from -1: steps flown before each
     # change, places, values, and the number of changes made
     change_at: npt.NDArray[np.int64]

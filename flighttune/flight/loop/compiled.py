@@ -134,6 +134,10 @@ def _advance(step, normals, motion, clock, n):
         if windy:
             some = 1
             _blow(motion, now)
+        if len(motion.errors):
+            some = 1
+            for j in range(len(motion.error_places)):
+                motion.parameters[motion.error_places[j]] = motion.errors[now, j]
         if motion.stream.shape[1]:
             some = min(some, len(motion.stream))
             normals(motion.random.ctypes.data, motion.stream.shape[1] * some, stream)

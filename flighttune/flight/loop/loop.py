@@ -23,15 +23,21 @@ from flighttune.control.controller import (
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.flight.loop.aircraft import OTHER_LAW, CompiledAircraft, compiled_aircraft
+from flighttune.flight.loop.aircraft import (
+    OTHER_LAW,
+    CompiledAircraft,
+    compiled_aircraft,
+    jsbsim_plant,
+)
 from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, Motion, SampledLaw, numbers_of
 from flighttune.flight.loop.measured import measured_of, seen_names
 from flighttune.routes import follow as following
 from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.segments import Reference
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
+from flighttune.vehicles.plants.inertial import inertial_errors
 from flighttune.vehicles.plants.navigation import ERRORS, Navigation
-from flighttune.vehicles.plants.sensors import SENSED, DrawnErrors, SensedPlant, Sensors
+from flighttune.vehicles.plants.sensors import N_Z_ERROR, SENSED, DrawnErrors, SensedPlant, Sensors
 from flighttune.vehicles.plants.weather import WIND
 
 # Signals that the loop adds to those of the plant. Signals that the controller records stand before
@@ -178,7 +184,9 @@ class Flight:
             expected = last + 1
             if route is not None:
                 expected = round(EXPECTED * route.path.length / (condition.V_a * dt))
-            draw = partial(_errors, sensors, navigation, dt, condition.V_a)
+            followed = _fed_back(controller, plant) is not None
+            draw = partial(_errors, sensors, navigation, dt, condition.V_a, followed)
+            _set_inertial_errors(plant, navigation, (last + 1) * dt, expected * dt)
             self._errors = DrawnErrors(draw, last + 1, expected)
             share = 1.0 if navigation is None else navigation.wind_share(dt)
             plant = SensedPlant(plant, self._errors, dt, condition.h, share)
@@ -335,11 +343,11 @@ class Flight:
         """Fly law and aircraft in compiled code; no samples if JSBSim must find the ending."""
         from flighttune.flight.loop.compiled import fly_samples
 
-        (functions, *flown, (errors, *how_seen)), end = self.sampled(aircraft, 1)
+        (functions, motion, *flown, (errors, *how_seen)), end = self.sampled(aircraft, 1)
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
         if progress is not None:  # it may end the flight, so compiled code is loaded before
-            fly_samples(*functions, *flown, (errors, *how_seen), (0, 0, end), rows)
+            fly_samples(*functions, motion, *flown, (errors, *how_seen), (0, 0, end), rows)
         while True:
             until = last
             if progress is not None:
@@ -348,8 +356,9 @@ class Flight:
             if self._errors is not None:
                 errors = self._errors.reach(first)
                 until = min(until, len(errors))
+            motion, until = aircraft.sensed(motion, first, until)
             n, how, steps = fly_samples(
-                *functions, *flown, (errors, *how_seen), (first, until, end), rows
+                *functions, motion, *flown, (errors, *how_seen), (first, until, end), rows
             )
             if how == ARRIVED:
                 return n, self._not_arrived(rows[:n])
@@ -367,6 +376,7 @@ class Flight:
         """
         plant, controller, *_ = self._given
         (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
+        motion, _ = aircraft.sensed(motion, (samples or len(self._t)) - 1, 0)
         fed_back = _fed_back(controller, plant) is not None
         seen = np.empty((0, len(SENSED))), (0, 0, 0), (0.0, 0.0, 0.0)
         if self._errors is not None and isinstance(plant, SensedPlant):
@@ -466,10 +476,33 @@ class Flight:
         return self.table(values)
 
 
+def _set_inertial_errors(
+    plant: Plant, navigation: Navigation | None, longest: float, expected: float
+) -> None:
+    """Let the sensors of an aircraft's inner loop err, if `navigation` says so.
+
+    The flight takes up to the `longest` time (s); errors are drawn for the `expected` time first.
+    """
+    if navigation is None or not navigation.inner_loop:
+        return
+    if (aircraft := jsbsim_plant(plant)) is not None:
+        rate = aircraft.config.inner_loop_rate
+        draw = partial(inertial_errors, navigation, rate=rate)
+        aircraft.errors = DrawnErrors(draw, math.ceil(longest * rate), math.ceil(expected * rate))
+
+
 def _errors(
-    sensors: Sensors | None, navigation: Navigation | None, dt: float, V_a: float, n: int
+    sensors: Sensors | None,
+    navigation: Navigation | None,
+    dt: float,
+    V_a: float,
+    followed: bool,
+    n: int,
 ) -> FloatArray:
-    """Errors of sensors and navigation at the first n samples, for `SensedPlant`."""
+    """Errors of sensors and navigation at the first n samples, for `SensedPlant`.
+
+    `followed`: whether the law is given the load factor that the inner loop follows.
+    """
     if navigation is None:
         return np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
     # Airspeed is the last error of sensors and the first of navigation.
@@ -477,6 +510,8 @@ def _errors(
     if sensors is not None:
         errors[:, : len(SENSED)] = sensors.errors(n, dt)
     errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a)
+    if followed and navigation.inner_loop:  # which has the errors of its accelerometers
+        errors[:, N_Z_ERROR] = 0.0
     return errors
 
 

@@ -281,6 +281,11 @@ RULES: tuple[Rule, ...] = (
         'with path = "air" of [disturbance]: an autopilot knows its path over ground',
         when=lambda scenario: scenario.disturbance and scenario.disturbance.path == "air",
     ),
+    excludes(
+        "navigation.inner_loop",
+        "without an aircraft (jsbsim), which alone has an inner loop",
+        when=lambda scenario: scenario.navigation and not scenario.aircraft,
+    ),
     a_disturbance_is_a_wind_that_blows,
     an_airspeed_is_bounded_where_followed,
     no_cost_of_an_airspeed,

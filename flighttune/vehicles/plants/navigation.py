@@ -98,6 +98,8 @@ class Navigation:
         Seed of the errors, which depend on nothing else drawn from it.
     fault : ReceiverFault, optional
         Failure of the receiver in flight.
+    inner_loop : bool
+        Whether gyros and accelerometers of the inner loop err too (`inertial_errors`).
 
     Examples
     --------
@@ -140,21 +142,33 @@ class Navigation:
     filter_climb: float
     seed: int = 0
     fault: ReceiverFault | None = None
+    inner_loop: bool = False
 
     def __post_init__(self) -> None:
         check_not_negative(seed=self.seed)
-        for field in fields(self)[:-2]:
-            check = check_positive if field.name in POSITIVE else check_not_negative
-            check(**{field.name: getattr(self, field.name)})
+        for name in GRADES["standard"]:
+            check = check_positive if name in POSITIVE else check_not_negative
+            check(**{name: getattr(self, name)})
 
     @classmethod
     def of(
-        cls, grade: Grade, *, seed: int = 0, fault: ReceiverFault | None = None, **numbers: float
+        cls,
+        grade: Grade,
+        *,
+        seed: int = 0,
+        fault: ReceiverFault | None = None,
+        inner_loop: bool = False,
+        **numbers: float,
     ) -> "Navigation":
         """The errors of a grade, some of whose numbers are replaced by `numbers`."""
         if grade not in GRADES:
             raise InputError(f"`grade` must be one of {', '.join(GRADES)}, got {grade!r}.")
-        return cls(**{**GRADES[grade], **numbers}, seed=seed, fault=fault)
+        drawn = {"seed": seed, "fault": fault, "inner_loop": inner_loop}
+        return cls(**{**GRADES[grade], **numbers}, **drawn)
+
+    def axes(self, dt: float) -> tuple["Axis", "Axis"]:
+        """Errors of the filter along a horizontal and along the vertical axis."""
+        return axes(replace(self, seed=0, fault=None, inner_loop=False), dt)
 
     def errors(self, samples: int, dt: float, V_a: float) -> FloatArray:
         """`ERRORS` at each of the samples, `dt` s apart, shape (samples, 13).
@@ -162,7 +176,7 @@ class Navigation:
         `V_a` (m/s): the airspeed at the start. A seed gives the same bits; the errors of a longer
         flight begin with those of a shorter one.
         """
-        n, (level, vertical) = samples, axes(replace(self, seed=0, fault=None), dt)
+        n, (level, vertical) = samples, self.axes(dt)
         (north, v_north, _), (east, v_east, tilt) = level.drawn(n, self._rng(0), self._rng(1))
         ((h, v_up),) = vertical.drawn(n, self._rng(2))
         scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
@@ -204,7 +218,7 @@ class Navigation:
         airspeed relative to it, ``phi`` of roll and ``n_z`` of the load factor. Constant errors,
         such as biases, are left out.
         """
-        axis, vertical = axes(replace(self, seed=0, fault=None), dt)
+        axis, vertical = self.axes(dt)
         per_s = dt / math.pi
         _, across, tilt = axis.spectrum(omega * dt) * per_s
         _, climb = vertical.spectrum(omega * dt) * per_s
@@ -263,7 +277,7 @@ _GRADES = {
 GRADES: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         grade: MappingProxyType(
-            {field.name: x for field, x in zip(fields(Navigation)[:-2], numbers, strict=True)}
+            {field.name: x for field, x in zip(fields(Navigation)[:-3], numbers, strict=True)}
         )
         for grade, numbers in _GRADES.items()
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -25,6 +25,7 @@ from flighttune.vehicles.plants.jsbsim import properties
 
 if TYPE_CHECKING:
     from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+    from flighttune.vehicles.plants.sensors import DrawnErrors
     from flighttune.vehicles.plants.weather import Weather
 
 # Relative deviation of a duration from a whole number of integration steps: rounding.
@@ -85,6 +86,8 @@ class JSBSimPlant:
         Limits of the inner loop on its commands.
     fdm : Fdm or None
         The aircraft in flight; None before the start.
+    errors : DrawnErrors or None
+        `INERTIAL` errors by sample of the inner loop, set before the start; none by default.
 
     Raises
     ------
@@ -157,6 +160,7 @@ class JSBSimPlant:
         self.seed, self.weather, self._ground = seed or LARGEST_SEED + 1, weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
         self.fdm: Fdm | None = None
+        self.errors: DrawnErrors | None = None
         self._observe: Callable[[], tuple[float, ...]] = _not_started
         self._write_phi_cmd: Callable[[float], object] = _not_started
 
@@ -208,6 +212,8 @@ class JSBSimPlant:
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self.weather is not None:
             self._run = air.weather_step(fdm, self.weather, self.rate)
+        if self.errors is not None:
+            self._run = _sensed(fdm, self.errors, self.steps, self._run)
         self._observe = observe
 
     def key_of_start(self, condition: FlightCondition) -> Hashable:
@@ -387,6 +393,22 @@ class JSBSimPlant:
     def _end(self, status: StopStatus, reason: str) -> Stop:
         self._write_phi_cmd = _ended
         return Stop(status, f"t = {self._time():.3f} s: {reason}")
+
+
+def _sensed(
+    fdm: Fdm, errors: DrawnErrors, steps: int, run: Callable[[], bool]
+) -> Callable[[], bool]:
+    """A step that writes the errors of the inner loop's sensors, new ones every `steps` steps."""
+    writers = [fdm.writer(name) for name in properties.ERRORS]
+
+    def flown() -> Iterator[bool]:
+        for row in errors:
+            for write, error in zip(writers, row, strict=True):
+                write(error)
+            for _ in range(steps):
+                yield run()
+
+    return flown().__next__
 
 
 def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from flighttune.vehicles.aircraft.aircraft import SURFACES
 from flighttune.vehicles.plants import base, weather
+from flighttune.vehicles.plants.inertial import INERTIAL
 
 SIGNALS = (
     *base.COMMON_SIGNALS,
@@ -20,6 +21,11 @@ N_X_CMD, N_X_FOLLOWED, N_X_SHOWN = "ft/n_x-cmd", "ft/n_x-followed", "ft/n_x-show
 # Load factors along the path and across it, as the accelerometers show them to the inner loop.
 N_X, N_Z = "ft/n_x", "ft/n_z"
 ENGAGED = "ft/engaged"
+
+# Errors of gyros and accelerometers that the inner loop adds, in the order of `INERTIAL`.
+ERRORS = tuple(
+    f"ft/error/{name}-rad_sec" if name in "pqr" else f"ft/error/{name}" for name in INERTIAL
+)
 SURFACE_TRIMS = tuple(f"ft/{name}-trim-rad" for name in SURFACES)
 THROTTLE_TRIM = "ft/throttle-trim-norm"
 TRIMS = (*SURFACE_TRIMS, THROTTLE_TRIM)
