@@ -1,7 +1,7 @@
 """Counts of recorded signals: bands, and flights inside a fence."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -27,6 +27,9 @@ from flighttune.routes.maps import Corridor, Where, areas_of
 
 # Replaces the file name of a fence inside a band's file.
 KEPT = Path("fence")
+
+# `by_rtk` without any flight.
+NO_FLIGHTS: FloatArray = np.zeros((0, 2))
 
 # Distance, in samples at the airspeed, of positions beyond the edges of a window.
 OVERLAP_SAMPLES = 2.0
@@ -106,6 +109,9 @@ class Band(SignalBounds):
         Wind at the start of each flight to the north and east, if the band uses it.
     navigation : ndarray, shape (N, 2) or (N, 0), m
         Largest errors of navigation of each flight along a route, beside it and in height.
+    by_rtk : ndarray, shape (n, 2) or (0, 2), m
+        Largest distances from their route, beside it and in height, of learning flights that were
+        flown by RTK as well.
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the counted flights that did not complete; empty for a
         file of version 0.3.0.
@@ -125,7 +131,10 @@ class Band(SignalBounds):
     (('chi_err', 'gamma_err'), (2, 2))
     """
 
+    by_rtk: FloatArray = field(default_factory=lambda: NO_FLIGHTS)
+
     measures: ClassVar[type[Measured]] = RecordedSignals
+    beside_rtk: ClassVar[bool] = True
 
     @property
     def _leaves(self) -> str:
@@ -210,6 +219,11 @@ class Band(SignalBounds):
         """Indices of the distances from a route among the signals."""
         check_off_route(self.about.signals, self.flights.over)
         return [list(self.about.signals).index(name) for name in OFF_ROUTE]
+
+    @property
+    def own_arrays(self) -> dict[str, FloatArray]:
+        """The distances of flights by RTK, if there are any."""
+        return {"by_rtk": self.by_rtk} if len(self.by_rtk) else {}
 
     @property
     def said_of_fences(self) -> list[str]:

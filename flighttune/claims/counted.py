@@ -152,6 +152,7 @@ class Counted(Answering):
     measures: ClassVar[type[Measured]]
     title: ClassVar[tuple[str, str]] = "band", "half_widths"  # title of the table in an answer
     unlike: ClassVar[tuple[str, ...]] = ()  # keys that may differ in a covered flight
+    beside_rtk: ClassVar[bool] = False  # whether it has `by_rtk`, of learning flights
 
     def __post_init__(self) -> None:
         about = self.about
@@ -350,12 +351,18 @@ class Counted(Answering):
         arrays |= {"extremes": self.extremes, "wind": self.wind}
         if self.navigation.shape[1]:
             arrays["navigation"] = self.navigation
+        arrays |= self.own_arrays
         if self.compiled != CompiledFlights():
             arrays[COMPILED] = np.array(self.compiled.text)
         if self.endings:
             said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}
             arrays["endings"] = np.array(json.dumps(said))
         write_sealed(path, arrays)
+
+    @property
+    def own_arrays(self) -> dict[str, FloatArray]:
+        """Further arrays of its file."""
+        return {}
 
     def sizes(self) -> list[dict[str, float]]:
         """A row of numbers for each signal, by column of `WIDTH_COLUMNS`, in SI."""

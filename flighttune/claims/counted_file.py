@@ -18,7 +18,12 @@ from flighttune.claims.ending import Ending
 from flighttune.claims.shape import MAX_NUMBERS
 
 ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT}
-ARRAYS |= {"navigation": array.FLOAT, "endings": array.TEXT, COMPILED: array.TEXT}
+ARRAYS |= {
+    "navigation": array.FLOAT,
+    "by_rtk": array.FLOAT,
+    "endings": array.TEXT,
+    COMPILED: array.TEXT,
+}
 
 
 def load_counted(path: str | Path) -> Counted:
@@ -99,7 +104,12 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
     if "navigation" in arrays:  # not in files of 0.4.0
         shapes["navigation"] = flights, 2 * of.navigated
+    if "by_rtk" in arrays:
+        shapes["by_rtk"] = len(arrays["by_rtk"]), 2
     array.check_shapes("band", learned | arrays, shapes)
+    by_rtk = arrays.get("by_rtk")
+    if by_rtk is not None and not (about.kind.beside_rtk and np.isfinite(by_rtk).all()):
+        raise InputError("`by_rtk` must be finite, and of a band.")
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")
     for name, unit in about.signals.items():

@@ -17,18 +17,20 @@ from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.compiled import CompiledFlights
+from flighttune.campaigns.planning.knowing import knowing
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
 from flighttune.claims import counted_flights
 from flighttune.claims import shape as shapes
 from flighttune.claims.about import About
-from flighttune.claims.band import Band
+from flighttune.claims.band import NO_FLIGHTS, Band
 from flighttune.claims.counted import Counted, axis_of, wind_at_start
 from flighttune.claims.ending import Ending
 from flighttune.claims.known import navigation_errors_of
 from flighttune.claims.measured import SAME, Measured
 from flighttune.claims.unfinished import Unfinished, written_at
 from flighttune.flight.loop.run import Run
+from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.schema import Scenario
 
 # Flights after those that decide a claim that JSBSim flies too. Within a tenth of the scale there
@@ -156,6 +158,8 @@ def counted_on(
             navigation=np.zeros((0, 2 * kept.navigated)),
         )
         counted = replace(counted, compiled=pool.progress.compiled)
+        if kind.beside_rtk and ending.corridor:
+            counted = replace(counted, by_rtk=_by_rtk(pool, plan, kept, learn))
         if unfinished is not None:
             counted = unfinished.begun(counted, pool.observer)
         counted = _counted(counted, pool, partial(_flown, pool, plan, kept), judged, unfinished)
@@ -244,6 +248,27 @@ def _learned(
     except InputError as error:
         raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
     return coefficients, half * kept.measured.room
+
+
+def _by_rtk(pool: WorkerPool, plan: Plan, kept: Kept, flights: int) -> FloatArray:
+    """Largest distances from the route of the first draws, flown by RTK: shape (flights, 2), m.
+
+    None where another receiver has numbers of its own, or the place is known as well already.
+    """
+    table = plan.campaign.central.navigation if kept.navigated else None
+    drawn = any(key.startswith("navigation.") for key in plan.keys)
+    names = [*kept.measured.units]
+    if table is None or table.grade == "rtk" or table.own_numbers or drawn:
+        return NO_FLIGHTS
+    if not {*OFF_ROUTE} <= {*names}:
+        return NO_FLIGHTS
+    columns = [names.index(name) for name in OFF_ROUTE]
+    by_rtk = replace(plan, campaign=knowing(plan.campaign, "rtk"))
+    compiled, pool.progress.budget = pool.progress.compiled, pool.progress.budget + flights
+    extremes, *_ = _flown(pool, by_rtk, kept, range(flights), "flying by RTK")
+    pool.progress.compiled = compiled
+    largest = np.abs(extremes[:, :, columns]).max(axis=(1, 3)).astype(float)
+    return largest[np.isfinite(largest).all(axis=1)]
 
 
 def kept_band(source: object) -> Band | None:

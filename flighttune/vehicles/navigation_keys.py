@@ -1,6 +1,6 @@
 """Table ``[navigation]`` of a scenario."""
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field
 
@@ -65,9 +65,14 @@ class NavigationTable(q.Table):
     inner_loop: bool | None = None  # whether gyros and accelerometers of the inner loop err too
     fault: ReceiverFaultTable | None = None
 
+    @property
+    def own_numbers(self) -> dict[str, Any]:
+        """The numbers that replace those of the grade."""
+        return self.model_dump(exclude_none=True, exclude={"grade", "fault", "inner_loop"})
+
     def navigation(self, seed: int) -> Navigation:
         """The errors in SI, drawn from the scenario's `seed`."""
-        stated = self.model_dump(exclude_none=True, exclude={"grade", "fault", "inner_loop"})
+        stated = self.own_numbers
         numbers = {_name(key): value * _unit(key) for key, value in stated.items()}
         drawn = {"seed": seed, "fault": self._fault, "inner_loop": bool(self.inner_loop)}
         return Navigation.of(self.grade, **drawn, **numbers)

@@ -7,9 +7,14 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
+from flighttune.campaigns.planning.knowing import knowing
+from flighttune.claims.counted_flights import plan_of
 from flighttune.gaps.tracking import straight, tracked, tracking
 
 DT = 0.1
+
+# Distance by which gains that are tuned again, to 1e-9, move a flight, m.
+GAINS_TUNED_AGAIN = 1e-5
 
 
 def track(**columns):
@@ -102,3 +107,14 @@ def test_the_page_of_a_log_has_the_corridor_of_a_route_beside_its_errors(tmp_pat
     assert "errors of navigation alone reach" in said
     (seen,) = (x for x in page.summary if "the autopilot sees" in x)
     assert seen.endswith("the error of navigation together.")
+
+    # Its learning flights, flown by RTK one by one
+    plan, beside_route = plan_of(band), ["cross_track", "height_err"]
+    for draw in (0, 7):
+        (run,) = ft.fly(knowing(plan.scenario_of(draw), "rtk"), plan.groups[0].gains).runs
+        largest = run.signals[beside_route].abs().max().to_numpy()
+        assert band.by_rtk[draw] == pytest.approx(largest, abs=GAINS_TUNED_AGAIN)
+    assert f"Flown by RTK, 10 flights kept to {band.by_rtk[:, 0].max():.2g} m" in said
+    assert np.array_equal(ft.load(file).by_rtk, band.by_rtk)
+    exact = ft.band("circuit_in_wind", changes=short, navigation="rtk", **few)
+    assert not len(exact.by_rtk)

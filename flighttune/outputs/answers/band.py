@@ -135,7 +135,12 @@ def width(band: Band) -> str:
         sides, height = (f"{min(x):.2g} m" for x in zip(errors, (beside, above), strict=True))
         of_sides = f", where errors of navigation alone reach {sides}, "
         of_height = f", where they reach {height}"
+    by_rtk = ""
+    if len(band.by_rtk):
+        aside, off = band.by_rtk.max(axis=0).tolist()
+        flown = f" Flown by RTK, {len(band.by_rtk)} flights kept to"
+        by_rtk = f"{flown} {aside:.2g} m and {off:.2g} m."
     return (
         f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path{of_sides}"
-        f"and {at_most(above, 3)} m high above and below it{of_height}."
+        f"and {at_most(above, 3)} m high above and below it{of_height}.{by_rtk}"
     )
