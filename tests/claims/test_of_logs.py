@@ -135,6 +135,9 @@ FORGERIES = {
         lambda m: replace(changed(m, **OLD), logs=4 * changed(m, **OLD).logs), "5 among 20",
     ),
     "a log left out": (lambda m: replace(m, logs=m.logs[:4]), "numbers of logs"),
+    "a log without what it holds": (
+        lambda m: replace(m, logs=(*changed(m, **OLD).logs[:1], *m.logs[1:])), "numbers of logs",
+    ),
     "scores": (lambda m: changed(m, score=scaled("score")), "score of"),
     "limits": (lambda m: changed(m, limits=lambda x: tuple(scaled("limits")(x))), "limits of"),
     "limits and residuals": (

@@ -183,6 +183,27 @@ def test_back_calculation_of_the_climb_settles_where_the_excess_balances_the_err
     assert excess == pytest.approx(25.0 / G * 0.6 * error * tracking, rel=1e-9)
 
 
+def test_back_calculation_in_a_turn_settles_where_the_lift_in_excess_balances_the_errors():
+    """Lift wanted and lift of the limited commands, both in level and vertical parts."""
+    tracking, chi, gamma, phi, n_z = 0.8, 0.3, -0.05, 0.3, 0.9
+    law = ft.loop.ExactLaw(
+        GAINS, limits(phi, n_z=(n_z, 2.0)), dt=DT, anti_windup="back_calculation", braking=None,
+        tracking_time=tracking,
+    )  # fmt: skip
+
+    now, wanted = seen(gamma=0.2), ft.loop.ReferenceSample(chi, 0.2 + gamma)
+
+    assert command(law, now, wanted, samples=4000) == (phi, n_z)
+
+    roll, load = law.state.u_unsat
+    upward = load * math.cos(phi)
+    sideways = upward * math.tan(roll)
+    excess = sideways - n_z * math.sin(phi), upward - n_z * math.cos(phi)
+    rates_of_excess = 0.7 * chi * tracking, 0.6 * gamma * tracking
+    assert excess[0] == pytest.approx(25.0 / G * math.cos(0.2) * rates_of_excess[0], rel=1e-9)
+    assert excess[1] == pytest.approx(25.0 / G * rates_of_excess[1], rel=1e-9)
+
+
 def test_a_steady_error_is_integrated_away_under_a_slow_rate_limit():
     """No lock: an increment larger than a rate-limited step does not stop its own integrator."""
     gains, slow = rates((0.0, 0.0), (5.0, 5.0)), limits(rate=(0.05, 0.05))
