@@ -31,6 +31,7 @@ SPEAKERS = {
     "Frontier": "flighttune.outputs.answers.frontier:answer",
     "Gap": "flighttune.outputs.answers.gap:answer",
     "Gradient": "flighttune.outputs.answers.gradient:answer",
+    "Indicators": "flighttune.outputs.answers.indicators:answer",
     "LogGap": "flighttune.outputs.answers.log_gap:answer",
     "LogIdentification": "flighttune.outputs.answers.log_identification:answer",
     "LogMonitor": "flighttune.outputs.answers.monitor:answer",
@@ -56,6 +57,7 @@ FIGURES = {
     "AircraftIdentification": "flighttune.outputs.answers.identification:sheet",
     "DesignedAircraft": "flighttune.outputs.answers.design:sheet",
     "Frontier": "flighttune.outputs.answers.frontier:sheet",
+    "Indicators": "flighttune.outputs.answers.indicators:answer",
     "LogGap": "flighttune.outputs.answers.log_gap:sheet",
     "LogIdentification": "flighttune.outputs.answers.log_identification:sheet",
 }

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray, read_only_vector, square_matrices
 from flighttune.base.errors import InputError
 from flighttune.control.theory import lyapunov, reachable
@@ -24,7 +25,7 @@ CHUNK_LOOPS = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Indicators:
+class Indicators(Answering):
     """Indicators of one closed loop, from its Lyapunov equation.
 
     Attributes
