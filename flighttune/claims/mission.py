@@ -234,8 +234,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         corridor: a clear yes takes 420 flights, a clear no 12. At most `flights` are flown, by
         default 1049.
     aircraft : str, optional
-        Aircraft that flies a mission, at an airspeed at which it is identified, by default
-        aerosonde.
+        Aircraft that flies a mission, at an airspeed at which it is identified, or file of an
+        identified model (.json), which flies as its lags, by default aerosonde.
     like : str, optional
         Campaign with the air and dispersions for a mission, by default light turbulence, wind to 8
         m/s and the dispersions of the aircraft.

@@ -27,6 +27,14 @@ from flighttune.vehicles.identification.file import load_identified
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
 
+# What a flight of an identified model says.
+LAGS_ALONE = (
+    "The aircraft is the lags of an identified model, in steady wind without turbulence. A search "
+    "on lags alone once chose parameters that left the route by 175 m: fly a turn onto a leg, and "
+    "hold its log beside these flights with `flighttune compare MISSION --with PARAMETERS --log "
+    "LOG`."
+)
+
 # Key of [flight] for each attribute of a condition with bounds by an aircraft.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 
@@ -110,26 +118,27 @@ def as_scenario(
 def route_scenario(
     file: Path, mission: RouteFile, aircraft: str, changes: Mapping[str, Any] | None = None
 ) -> Scenario:
-    """The scenario that flies a mission file with the aircraft's own limits."""
+    """The scenario that flies a mission file with the limits of an aircraft, or of a model's."""
     first, changes = load_identified(aircraft).conditions[0], changes or {}
     tables = {
         "title": file.stem,
         "law": ["exact"],
         "gains": [TUNED_FED_BACK],
         "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S} | mission.flight,
-        "limits": dict(mission.limits),
-        "controller": {"feed_forward": True, **speed_protected(load_aircraft(aircraft))},
+        **_flown_by(aircraft, mission.limits),
         "tuning": {"identified": aircraft},
-        "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
     route, start = dict(mission.route), tables["flight"]
+    if is_model(aircraft):
+        route["notes"] = [*route.get("notes", ()), LAGS_ALONE]
     if SPEED in changes:
         route.pop("airspeed_assumed", None)
     elif "V_a_mps" not in mission.flight:
         route["airspeed_assumed"] = True
     speeds = [row["V_mps"] for row in route["waypoint"] if "V_mps" in row]
     if speeds and SPEED not in changes and "holds_airspeed" not in route:
-        route["holds_airspeed"] = load_aircraft(aircraft).limits.n_x is not None
+        takes_n_x = not is_model(aircraft) and load_aircraft(aircraft).limits.n_x is not None
+        route["holds_airspeed"] = takes_n_x
         if route["holds_airspeed"]:
             tables["controller"] |= {"schedule": True}
         elif max(speeds) >= start["V_a_mps"]:
@@ -139,6 +148,33 @@ def route_scenario(
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
     return scenario.assuming()
+
+
+def is_model(aircraft: str) -> bool:
+    """Whether an aircraft is the file of an identified model, which flies as its lags."""
+    return Path(aircraft).suffix == ".json"
+
+
+def _flown_by(aircraft: str, limits: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of a scenario about an aircraft, or about lags within the limits that are known."""
+    if not is_model(aircraft):
+        return {
+            "limits": dict(limits),
+            "controller": {"feed_forward": True, **speed_protected(load_aircraft(aircraft))},
+            "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
+        }
+    model = load_identified(aircraft)
+    if (log := model.log) is not None:
+        known = log.phi_deg, log.phi_rate_dps, log.n_z, log.n_z_rate_per_s
+    else:
+        of = load_aircraft(model.aircraft).limits
+        known = [x / DEG for x in of.phi], of.phi_rate / DEG, of.n_z, of.n_z_rate
+    own = zip(("phi_deg", "phi_rate_dps", "n_z", "n_z_rate_per_s"), known, strict=True)
+    return {
+        "limits": dict(own) | dict(limits),
+        "controller": {"feed_forward": True},
+        "plant": [{"kind": "point_mass_lag", "identified": aircraft}],
+    }
 
 
 def speed_protected(config: AircraftConfig) -> dict[str, bool]:

@@ -15,7 +15,7 @@ from flighttune.base.files.load import kind_of
 from flighttune.base.files.whole import write_text
 from flighttune.base.words import pick
 from flighttune.flight.conditions import reference_of, slopes_not_held
-from flighttune.flight.load import SPEED, as_scenario, route_scenario
+from flighttune.flight.load import SPEED, as_scenario, is_model, route_scenario
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
@@ -225,7 +225,8 @@ def mission_scenario(
     if not isinstance(skip, bool):
         raise InputError(f"{file}: `route.skip` must be true or false, got {skip}.")
     aircraft = aircraft or AIRCRAFT
-    speeds = None if SPEED in changes else load_aircraft(aircraft).envelope.V_a
+    known = SPEED not in changes and not is_model(aircraft)
+    speeds = load_aircraft(aircraft).envelope.V_a if known else None
     mission = read_route(file, skip=skip, terrain=terrain, airspeeds=speeds)
     return route_scenario(file, mission, aircraft, changes)
 

@@ -34,6 +34,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.margins import Loop, Margins, cut_margins
 from flighttune.flight import conditions, models
+from flighttune.flight.load import LAGS_ALONE
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
@@ -242,7 +243,8 @@ def compare(  # type: ignore[misc]
     flights : int, optional
         Number of draws to fly with both, by default 93.
     aircraft : str, optional
-        Aircraft that flies a mission, by default aerosonde.
+        Aircraft that flies a mission, or file of an identified model (.json), which flies as its
+        lags, by default aerosonde.
     seed, changes, workers, scheduler, observer : as for `band`
     like, navigation : as for `mission`
 
@@ -301,8 +303,13 @@ def compare(  # type: ignore[misc]
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
     tracking = tracking_of(logged, frame)
-    notes += within_flights(tracking)
+    notes = [*lags_alone(plan.scenario), *notes, *within_flights(tracking)]
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
+
+
+def lags_alone(scenario: Scenario) -> list[str]:
+    """A sentence on flights of an identified model; none on those of an aircraft."""
+    return [] if scenario.aircraft else [LAGS_ALONE]
 
 
 def check_one_airspeed(place: str, scenario: Scenario) -> None:

@@ -578,7 +578,8 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     flights : int, optional
         Fresh draws on which the parameters of the file and those found are counted, by default 93.
     aircraft : str, optional
-        Aircraft that flies a mission, by default aerosonde.
+        Aircraft that flies a mission, or file of an identified model (.json), which flies as its
+        lags, by default aerosonde.
     like : as for `mission`
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.

@@ -26,7 +26,7 @@ from flighttune.campaigns.planning.schema import (
     Uniform,
 )
 from flighttune.control.gains_keys import TUNED_FOR_AIRCRAFT, GainsTable
-from flighttune.flight.load import check_identified, check_scenario, load_scenario
+from flighttune.flight.load import check_identified, check_scenario, is_model, load_scenario
 from flighttune.flight.route import AIRCRAFT, mission_scenario, planned_route
 from flighttune.flight.scenario import load
 from flighttune.flight.scenario.schema import Scenario
@@ -369,7 +369,8 @@ def flights(
         A scenario or campaign, its file, or its name if shipped; the folder of a flown campaign; or
         a mission: ``.plan`` of QGroundControl, ``.waypoints`` of Mission Planner, KML or GeoJSON.
     aircraft : str, optional
-        Aircraft that flies a mission; by default ``aerosonde``.
+        Aircraft that flies a mission, or file of an identified model (.json), which flies as its
+        lags; by default ``aerosonde``.
     like : str, optional
         Campaign with the air and dispersions for a mission; by default light turbulence, wind to 8
         m/s and the dispersions of the aircraft.
@@ -433,7 +434,7 @@ def _is_scenario(source: str | Path) -> bool:
 
 def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
     """Flights of a mission with the draws of the campaign `like`."""
-    table, file, words = _dispersed(aircraft, like)
+    table, file, words = (_wind_of if is_model(aircraft) else _dispersed)(aircraft, like)
     title = f"{scenario.title}, flown as {file.stem}{words}"
     return campaign_about(table, file, scenario).model_copy(update={"title": title})
 
@@ -452,6 +453,15 @@ def _dispersed(aircraft: str, like: str | None = None) -> tuple[CampaignTable, P
     drawn = [x for x in table.disperse if not x.key.endswith(left_out)]
     related = [x for x in table.correlation if not x.keys[0].endswith(left_out)]
     return table.model_copy(update={"disperse": drawn, "correlation": related}), file, words
+
+
+def _wind_of(aircraft: str, like: str | None = None) -> tuple[CampaignTable, Path, str]:
+    """The wind of the campaign `like` for the lags of a model, its file and a note."""
+    table, file = campaign_table(like or LIKE)
+    drawn = [x for x in table.disperse if x.key.startswith("wind.")]
+    lags = PlantTable(kind="point_mass_lag", identified=aircraft)
+    kept = {"plant": [lags], "overrides": {}, "disperse": drawn, "correlation": []}
+    return table.model_copy(update=kept), file, " by the lags of a model"
 
 
 def airframes(scenario: Scenario) -> Campaign:
