@@ -16,6 +16,7 @@ from flighttune.base.errors import PlantError
 from flighttune.vehicles.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.vehicles.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.vehicles.plants.jsbsim import model_files
+from flighttune.vehicles.plants.jsbsim.properties import THROTTLE
 
 _ANSI_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _KEPT_RECORDS = 200
@@ -103,6 +104,9 @@ _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
 # with a fifth of the work; where they do not, as with some governors, short ones have to do.
 _LONG_STEP_RATE, _SETTLING_RATE = 10.0, 50.0
 
+# Samples in which the thrust must be at rest after JSBSim's own search for a steady state.
+_TRIED = 3
+
 # Longest times in long and in short steps, as multiples of the settling time: a filter in front of
 # the throttle moves on by the steps of the flight, however long a step is.
 _LONG_STEPS, _SHORT_STEPS = 2.0, 5.0
@@ -156,6 +160,8 @@ class Fdm:
         self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
         # Whether long steps have brought the engine to a steady state each time.
         self._long_steps = not self.light
+        # Whether JSBSim's own search for a steady thrust has ended in one each time.
+        self._searches = not self.electric
         self.ground = ground
         self.steps = steps
         self.rate = config.inner_loop_rate * steps  # integration steps a second
@@ -178,6 +184,8 @@ class Fdm:
             thrusts = [config.engines.thrust]
         self.thrusts = list(map(self.reader, thrusts))  # lbf
         self._thrust = self.thrusts[0] if engines else float
+        levers = [f"fcs/throttle-pos-norm[{i}]" for i in engines]
+        self._levers = [self.reader(name) for name in levers if self.shows(name)]
         # Properties set for the whole flight, in JSBSim's units.
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.settings = {**config.settings} | ({"propulsion/set-running": -1.0} if engines else {})
@@ -277,6 +285,8 @@ class Fdm:
         """Let the engine settle at throttle and airspeed while the aircraft stays still."""
         if self.engine_settles:
             self.start_engines()
+            if self._steady_at_once():
+                return
             rate = _LONG_STEP_RATE if self._long_steps else _SETTLING_RATE
             # Behind a filter the throttle may take some steps until the thrust begins to change.
             self.hold(self.engine_settles * _LONG_STEP_RATE / rate, rate=rate)
@@ -285,6 +295,26 @@ class Fdm:
                 longest = (10.0 if self.electric else _LONG_STEPS) * self.engine_settles
                 self._long_steps = self.hold(longest, rate=rate, still=_SETTLED_CHANGE)
             self.hold(_SHORT_STEPS * self.engine_settles, still=_SETTLED_CHANGE)
+
+    def _steady_at_once(self) -> bool:
+        """Whether JSBSim's own search finds a steady thrust, in a twentieth of the work."""
+        # It sees the throttle as it is now, which is not yet there behind a filter.
+        throttle = self.value(THROTTLE, math.nan)
+        if not self._searches or any(read() != throttle for read in self._levers):
+            return False
+        propulsion = self._exec.get_propulsion()
+        propulsion.get_steady_state()  # its value says nothing
+        running = [bool(read()) for read in self._running]
+        # Its steps of half a second stop some propellers, and let others go to and fro.
+        self._searches = (
+            all(running)
+            and self.run_still(_TRIED, _LONG_STEP_RATE, _SETTLED_CHANGE)
+            and self.run_still(_TRIED, _SETTLING_RATE, _SETTLED_CHANGE)
+        )
+        for i, runs in enumerate(running):
+            if not runs:
+                propulsion.get_engine(i).init_running()
+        return self._searches
 
     def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> bool:
         """Let `duration` (s) pass for an aircraft that stays still, as `run_still` does."""
