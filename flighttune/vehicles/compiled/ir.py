@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The traced step as LLVM IR: a function that makes any number of steps in place."""
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 
+from flighttune.vehicles.compiled.branches import Side, sides
 from flighttune.vehicles.compiled.trace import (
     INSTRUCTIONS,
     LIBRARY,
@@ -36,10 +38,15 @@ entry:
   %sine = alloca double
   %cosine = alloca double
   %any = icmp sgt i64 %n, 0
-  br i1 %any, label %loop, label %end
+  br i1 %any, label %first, label %end
+first:
+  {first}
+  br label %loop
 loop:
-  %k = phi i64 [ 0, %entry ], [ %k1, %loop ]
+  %k = phi i64 [ 0, %first ], [ %k1, %next ]
   {body}
+  br label %next
+next:
   %k1 = add i64 %k, 1
   %more = icmp slt i64 %k1, %n
   br i1 %more, label %loop, label %last
@@ -74,18 +81,20 @@ def step_ir(
     `signals` are written to ``shown`` if ``how_many`` is 1, `properties` behind them if it is 2.
     """
     emitter = _Emitter(graph, inputs, streams)
+    first, again = emitter.carried(updates)
     # Old states, before the new ones are stored.
     shown = [value for value in (*signals, *properties) if isinstance(value, Value)]
     late = [place for place in needed(graph, shown) if graph.nodes[place].op == "input"]
     body = emitter.stores("s", updates, 0, late)
-    first = emitter.stores("o", signals, 0)
     # Values of an earlier block are known in a later one: only what is missing is computed there.
-    rest = emitter.stores("o", properties, len(signals))
     blocks = {
-        name: "\n  ".join(lines)
-        for name, lines in zip(("body", "signals", "properties"), (body, first, rest), strict=True)
+        "first": first,
+        "body": [*(f"{known}, [ {emitter.ref(new)}, %next ]" for known, new in again), *body],
+        "signals": emitter.stores("o", signals, 0),
+        "properties": emitter.stores("o", properties, len(signals)),
     }
-    return "\n".join((_DECLARATIONS, *emitter.constants(), _FUNCTION.format(**blocks)))
+    text = _FUNCTION.format(**{name: "\n  ".join(lines) for name, lines in blocks.items()})
+    return "\n".join((_DECLARATIONS, *emitter.constants(), text))
 
 
 class _Emitter:
@@ -99,6 +108,8 @@ class _Emitter:
         self.pairs: dict[int, tuple[str, str]] = {}
         self.names: dict[int, str] = {}
         self.count = 0
+        self.on_side: dict[Side, list[int]] = {}  # what is computed on a side of a select alone
+        self.block = ""  # label of the block that is written inside a branch
         self.writers: dict[str, Callable[[Value, str], None]] = {
             "input": self._input,
             "segment": self._segment,
@@ -109,15 +120,59 @@ class _Emitter:
             "call": self._call,
         }
 
+    def carried(self, updates: Sequence[Number]) -> tuple[list[str], list[tuple[str, int]]]:
+        """Calls on an old state that a step makes on the new one too: the next step knows them.
+
+        Returns the lines for those of the first step and, of each call, the beginning of the line
+        that chooses its value, and the place of the call on the new state.
+        """
+        self.lines, found = [], []
+        places = self._missing(updates)
+        always = {*places} - {*sides(self.graph, places, self._places(updates))}
+        for place in places:
+            node = self.graph.nodes[place]
+            if (new := self._on_new_state(node, updates)) not in always:
+                continue
+            x, value, function = self._new(), self._new(), node.op.removeprefix("call ")
+            self._input(self.graph.nodes[node.args[0]], x)
+            self.lines.append(f"{value} = call double @{PREFIX}{function}(double {x}) #0")
+            found.append((f"%v{place} = phi double [ {value}, %first ]", new))
+            self.known.add(place)
+        return self.lines, found
+
+    def _on_new_state(self, node: Value, updates: Sequence[Number]) -> int | None:
+        """Place of the same call of the C library on the new value of its state."""
+        if node.op.removeprefix("call ") in LIBRARY and len(node.args) == 1:
+            x = self.graph.nodes[node.args[0]]
+            array, slot = self.inputs[x.args[0]] if x.op == "input" else ("", 0)
+            if array == "s" and isinstance(new := updates[slot], Value):
+                again = self.graph.index.get((node.op, new.place))
+                return again and again.place
+        return None
+
+    def _missing(self, values: Sequence[Number], further: Sequence[int] = ()) -> list[int]:
+        """Places in order of what is computed for some values and is not known yet."""
+        symbols = [value for value in values if isinstance(value, Value)]
+        return sorted({*needed(self.graph, symbols, self.known), *further} - self.known)
+
+    @staticmethod
+    def _places(values: Sequence[Number]) -> set[int]:
+        return {value.place for value in values if isinstance(value, Value)}
+
     def stores(
         self, array: str, values: Sequence[Number], first: int, further: Sequence[int] = ()
     ) -> list[str]:
         """Lines that compute values and write them into an array from its place `first` on."""
-        self.lines = []
-        symbols = [value for value in values if isinstance(value, Value)]
-        for place in sorted({*needed(self.graph, symbols), *further} - self.known):
-            self.known.add(place)
-            self._write(self.graph.nodes[place])
+        self.lines, self.on_side = [], defaultdict(list)
+        places = self._missing(values, further)
+        alone = sides(self.graph, places, {*self._places(values), *further})
+        for place in places:
+            if place in alone:
+                self.on_side[alone[place]].append(place)
+        for place in places:
+            if place not in alone:
+                self._write(self.graph.nodes[place], f"%v{place}")
+                self.known.add(place)
         for slot, value in enumerate(values, first):
             text = self.ref(value.place) if isinstance(value, Value) else constant(value)
             pointer = self._pointer(array, str(slot))
@@ -148,8 +203,8 @@ class _Emitter:
         self.lines.append(f"{pointer} = getelementptr double, ptr %{array}, i64 {index}")
         return pointer
 
-    def _write(self, node: Value) -> None:
-        op, name = node.op, f"%v{node.place}"
+    def _write(self, node: Value, name: str) -> None:
+        op = node.op
         kind = op.partition(" ")[0]
         if op == "const":
             return
@@ -173,14 +228,36 @@ class _Emitter:
         self.lines.append(f"{name} = load double, ptr {self._pointer(array, index)}, align 8")
 
     def _select(self, node: Value, name: str) -> None:
-        condition, a, b = map(self.ref, node.args)
-        self.lines.append(f"{name} = select i1 {condition}, double {a}, double {b}")
+        condition, *values = node.args
+        alone = [self.on_side.get((node.place, holds), []) for holds in (True, False)]
+        if not any(alone):
+            a, b = map(self.ref, values)
+            self.lines.append(f"{name} = select i1 {self.ref(condition)}, double {a}, double {b}")
+            return
+        yes, no, end = (f"{self._new()[1:]}.{at}" for at in ("yes", "no", "end"))
+        self.lines.append(f"br i1 {self.ref(condition)}, label %{yes}, label %{no}")
+        ways = [self._side(*x, end) for x in zip((yes, no), alone, values, strict=True)]
+        self.lines += (f"{end}:", f"{name} = phi double {', '.join(ways)}")
+        self.block = end
+
+    def _side(self, label: str, places: Sequence[int], value: int, end: str) -> str:
+        """Write a branch; what its value is called after it."""
+        self.lines.append(f"{label}:")
+        self.block = label
+        for place in places:
+            self.names[place] = self._new()
+            self._write(self.graph.nodes[place], self.names[place])
+        way = f"[ {self.ref(value)}, %{self.block} ]"
+        self.lines.append(f"br label %{end}")
+        for place in places:
+            del self.names[place]
+        return way
 
     def _call(self, node: Value, name: str) -> None:
         function, arguments = node.op[5:], [f"double {self.ref(x)}" for x in node.args]
         if function in INSTRUCTIONS:
             self.lines.append(f"{name} = call double @llvm.{function}.f64({arguments[0]})")
-        elif function in ("sin", "cos") and self._both(node.args[0]):
+        elif function in ("sin", "cos") and self._both(node.args[0]) and name == f"%v{node.place}":
             # The C library gives the same bits, and JSBSim's compiler makes this call too.
             self.names[node.place] = self._pair(node.args[0])[function == "cos"]
         else:

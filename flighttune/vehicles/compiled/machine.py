@@ -54,9 +54,9 @@ def object_code(text: str, level: int = 2) -> bytes:
     module = llvm.parse_assembly(text)
     module.verify()
     machine = _machine(level)
-    builder = llvm.create_pass_builder(
-        machine, llvm.create_pipeline_tuning_options(speed_level=level)
-    )
+    options = llvm.create_pipeline_tuning_options(speed_level=level)
+    options.slp_vectorization = True  # several operations in one instruction, each as before
+    builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
 

@@ -8,7 +8,7 @@ differ).
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeAlias
 
 # Functions of the C library that a step may call, with the number of their arguments, and those for
@@ -312,12 +312,12 @@ def lookup(values: Sequence[float], index: Number, further: int = 0) -> Number:
     return index.graph.node("gather", tuple(values), index.place, further)
 
 
-def needed(graph: Graph, roots: Sequence[Value]) -> set[int]:
-    """Places of all operations that the values depend on."""
+def needed(graph: Graph, roots: Sequence[Value], known: Collection[int] = ()) -> set[int]:
+    """Places of all operations that the values depend on, up to those that are known."""
     found: set[int] = set()
     pending = [value.place for value in roots]
     while pending:
-        if (place := pending.pop()) not in found:
+        if (place := pending.pop()) not in found and place not in known:
             found.add(place)
             pending += operands(graph.nodes[place])
     return found
