@@ -149,6 +149,16 @@ def template_of(root: ElementTree.Element) -> str:
     return _HEAD + ElementTree.tostring(root, encoding="unicode")
 
 
+def strip_text(root: ElementTree.Element) -> None:
+    """Remove what JSBSim reads without use: blank text, and descriptions of functions."""
+    for element in root.iter():
+        for text in [part for part in element if part.tag in _NOT_OPERATIONS]:
+            element.remove(text)
+        if not (element.text or "").strip():
+            element.text = None
+        element.tail = None
+
+
 def filled(template: str, values: Mapping[str, float]) -> str:
     """Text with `values` in its placeholders, exact to the last bit."""
     return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)

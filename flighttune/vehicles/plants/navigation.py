@@ -476,7 +476,7 @@ class Axis:
         pushed = zip(*(_mapped(x, parts[-1]) for x in (inverse.real, inverse.imag)), strict=True)
         begun = np.array([inverse @ one for one in np.ascontiguousarray(first[: n - q].T)]).T
         moved = [_recursion(*x) for x in zip(factors, begun, pushed, strict=True)]
-        real, imag = [x.real for x in moved], [x.imag for x in moved]
+        real, imag = ([np.ascontiguousarray(part(x)) for x in moved] for part in (np.real, np.imag))
         out = np.empty((len(rngs), self.shown, fixes, self.every))
         for i, part in enumerate(parts):
             of_modes = self.maps[i][: self.shown, : n - q] @ errors
@@ -531,15 +531,18 @@ def wander(white: FloatArray, sd: float, decay: float, start: Any = None) -> Flo
 
     fresh = white * (sd * math.sqrt(1.0 - decay * decay))
     fresh[..., 0] = sd * white[..., 0] if start is None else start
-    return lfilter([1.0], [1.0, -decay], fresh)
+    return fresh if decay == 0.0 else lfilter([1.0], [1.0, -decay], fresh)
 
 
 def _recursion(
     factor: complex, start: Complexes, pushed: tuple[FloatArray, FloatArray]
-) -> Complexes:
+) -> Complexes | FloatArray:
     """A mode at the start of each period, driven by the input of the periods before."""
     from scipy.signal import lfilter
 
     real, imag = pushed
+    if not (factor.imag or start.imag.any() or imag.any()):  # a third of the time
+        driven = np.concatenate([start.real[:, None], real[:, :-1]], axis=1)
+        return lfilter([1.0], [1.0, -factor.real], driven)
     driven = np.concatenate([start[:, None], real[:, :-1] + 1j * imag[:, :-1]], axis=1)
     return lfilter([1.0], [1.0, -factor], driven)

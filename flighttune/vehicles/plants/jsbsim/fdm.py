@@ -117,9 +117,9 @@ _LIGHT_SETTLES = 15.0
 # Change of thrust in a sample, as a share of it, that ends the settling.
 _SETTLED_CHANGE = 1e-10
 
-# Longest wait for a steady thrust as a multiple of the settling time, and the relative change of a
-# thrust in a second that counts as none.
-_MAX_SETTLINGS, _STEADY = 5, 1e-9
+# Longest wait for a steady thrust as a multiple of the settling time, the relative change of thrust
+# in a second that counts as none, and the time between two readings, s.
+_MAX_SETTLINGS, _STEADY, _LOOK = 5, 1e-9, 0.2
 
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
@@ -327,11 +327,11 @@ class Fdm:
         """Hold the aircraft in the steps of its flight until the thrust is steady."""
         now = self._thrust()
         # An evaluation leaves a turboprop without power, and a steady state depends on the step.
-        for _ in range(math.ceil(_MAX_SETTLINGS * self.engine_settles)):
+        for _ in range(math.ceil(_MAX_SETTLINGS * self.engine_settles / _LOOK)):
             before = now
-            self.run_still(math.ceil(self.config.inner_loop_rate), self.rate)
+            self.run_still(math.ceil(_LOOK * self.config.inner_loop_rate), self.rate)
             now = self._thrust()
-            if abs(now - before) <= _STEADY * abs(now):
+            if abs(now - before) <= _LOOK * _STEADY * abs(now):
                 return
 
     def run_still(self, samples: int, rate: float, still: float = 0.0) -> bool:

@@ -347,6 +347,7 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
             model_xml.slow_actuators(root)
     if off.fault is not None:
         model_xml.add_fault(root, off.fault, config, file)
+    model_xml.strip_text(root)  # JSBSim loads it an eighth faster
     return model_xml.template_of(root), balance
 
 
