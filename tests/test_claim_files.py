@@ -269,5 +269,5 @@ def test_the_checks_of_a_claim_are_those_of_its_file_where_it_has_one():
     verified = ft.verify(FILES / "certificate.json")
     of_none, of_file = (replace(verified, source=x).answer() for x in ("", "mine.json"))
 
-    assert of_none.tables[0].title == "valid: every check holds"
-    assert of_file.tables[0].title == "mine.json: valid: every check holds"
+    assert of_none.summary[0] == "valid: every check holds."
+    assert of_file.summary[0] == "mine.json: valid: every check holds."
