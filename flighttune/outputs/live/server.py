@@ -164,7 +164,8 @@ def _answered(verb: Callable[[dict[str, Any]], Any]) -> Endpoint:
         except FlightTuneError as error:
             return JSONResponse({"failed": printable(str(error))})
         except OSError as error:
-            return JSONResponse({"failed": printable(f"{error.filename}: {reason_of(error)}")})
+            said = f"{error.filename}: {reason_of(error)}" if error.filename else str(error)
+            return JSONResponse({"failed": printable(said)})
         except (
             ArithmeticError,
             AttributeError,
