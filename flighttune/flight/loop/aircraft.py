@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 _G_0_FPS2 = G_0 / FT
 
-# The compiled step knows air and forces up to the tropopause, m above sea level, and down to this
-# distance of the parts that may touch the ground, m: the height is checked every 20 ms.
-CEILING, CLEAR = 10_900.0, 10.0
+# The compiled step knows air and forces up to the tropopause, m above sea level, and down to where
+# parts may touch the ground before the next check, in air that moves so fast, m/s.
+CEILING, MOVING_AIR = 10_900.0, 50.0
 
 WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down"))
 
@@ -274,6 +274,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
     shown = np.zeros(len(names.signals))
     guarded = len(properties.SIGNALS)
     shown[guarded + HEIGHT], shown[guarded + N_Z_SEEN] = h_ft, plant.n_z_followed()
+    unchecked = plant.guarded_steps / plant.rate  # longest time between two checks, s
     e, wind = config.envelope, weather.deterministic(0.0, h_ft * FT + fdm.ground)
     start = step.start_from(plant)
     turbulent = weather.turbulence is not None
@@ -300,7 +301,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         low=low,
         high=high,
         weight=weight,
-        floor=CLEAR / FT + _lowest_reach(fdm),
+        floor=(e.V_a[1] + MOVING_AIR) / FT * unchecked + _lowest_reach(fdm),
         ceiling=(CEILING - fdm.ground) / FT,
         stream=np.empty((DRAWN if turbulent else 1, 4 if turbulent else 0)),
         random=start.random,

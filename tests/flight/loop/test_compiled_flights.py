@@ -130,6 +130,12 @@ def assert_compiled(monkeypatch, made):
     assert all(np.isfinite(run.signals.to_numpy()).all() for run in compiled)
 
 
+def test_a_flight_four_metres_above_the_ground_is_that_of_jsbsim(monkeypatch):
+    low = {"flight": {"h_m": 404.0, "ground_m": 400.0}}
+
+    assert_compiled(monkeypatch, tables(**low, **LAWS["exact"]))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("case", CASES)

@@ -141,7 +141,7 @@ def test_adopted_aircraft_are_compiled_or_refused_by_name(aircraft):
 # Aeroplanes of JSBSim's set that are not compiled, with a word of the reason.
 REFUSED = {
     **dict.fromkeys(("c172x", "c310", "global5000"), "<waypoint_heading>"),
-    "Short_S23": "differs first",
+    "Short_S23": "a pressure behind the throttle",
     "f16": "`fcs/g-load-pid` differs first",
 }
 COMPILED = (
