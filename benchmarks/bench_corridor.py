@@ -44,7 +44,7 @@ def corridor(mission: str) -> dict[str, Any]:
     def count(flights: int, seed: int) -> Band:
         return counting.counted_on(
             Band,
-            counting.drawn(stated, None, None, None, seed),
+            counting.drawn(stated).with_seed(seed),
             Fixed.enough(flights, epsilon, confidence),
             place=source,
             learn=LEARN,
