@@ -303,13 +303,15 @@ def compare(  # type: ignore[misc]
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
     tracking = tracking_of(logged, frame)
-    notes = [*lags_alone(plan.scenario), *notes, *within_flights(tracking)]
+    notes = [*lags_alone(plan), *notes, *within_flights(tracking)]
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
 
-def lags_alone(scenario: Scenario) -> list[str]:
-    """A sentence on flights of an identified model; none on those of an aircraft."""
-    return [] if scenario.aircraft else [LAGS_ALONE]
+def lags_alone(plan: Plan) -> list[str]:
+    """A sentence on flights of an identified model; none on those of another plant."""
+    flown = {group.plant for group in plan.groups}
+    models = (table.identified for table in plan.scenario.plant if table.label in flown)
+    return [LAGS_ALONE] if any(models) else []
 
 
 def check_one_airspeed(place: str, scenario: Scenario) -> None:

@@ -184,18 +184,18 @@ class Search:
         """What the search minimises: bounds, then lost aircraft, requirements, rates and cost."""
         if not candidate.allowed and candidate is not self.start:
             return BROKEN * (1.0 + sum(max(x - 1.0, 0.0) for x in candidate.held.values()))
-        bounded = *candidate.rates / self.start.rates / FASTER, *self.worse(candidate)
+        bounded = *candidate.rates / self.start.rates / FASTER, *self.error_ratios(candidate)
         beyond = float(np.nanmax(bounded, initial=1.0)) - 1.0
         cost = candidate.cost / self.start.cost if candidate.cost < math.inf else 0.0
         return (
             LOST * candidate.lost
             + MISSED * candidate.missed
             + BEYOND * beyond
-            + (beyond > 0.0)
+            + (beyond > 0.0)  # costs are near 1: what is beyond a bound is worse than the start
             + cost
         )
 
-    def worse(self, candidate: Candidate) -> FloatArray:
+    def error_ratios(self, candidate: Candidate) -> FloatArray:
         """Errors over their bounds by those of the start, in the mean and in the middle draw."""
         both = candidate.each.keys() & self.start.each.keys()
         ratios = [candidate.each[draw] / self.start.each[draw] for draw in both]
@@ -459,7 +459,7 @@ def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPoo
         candidates=len(search.candidates),
         held_by=(*_held_by(search, best, ranges),),
         against=(*_against(start, result, rows),),
-        notes=(*lags_alone(plan.scenario), *notes, *now.notes),
+        notes=(*lags_alone(plan), *notes, *now.notes),
         tracking=[],
     )
 
@@ -469,9 +469,8 @@ def _held_by(search: Search, best: Candidate, ranges: Sequence[Range]) -> list[s
     used = dict(best.held)
     ratios = best.rates / search.start.rates / FASTER
     used |= {f"the rate of the commanded {x}": r for x, r in zip(RATES, ratios, strict=True)}
-    used |= {
-        f"the {x}, which must not grow": r for x, r in zip(WEIGHTS, search.worse(best), strict=True)
-    }
+    grown = search.error_ratios(best)
+    used |= {f"the {x}, which must not grow": r for x, r in zip(WEIGHTS, grown, strict=True)}
     held = [name for name, share in used.items() if share >= 1.0 - ACTIVE]
     places = {x: x.place(best.law.parameters[x.name]) for x in ranges}
     low, high = ACTIVE / 5.0, 1.0 - ACTIVE / 5.0
@@ -514,8 +513,12 @@ def of_draws(rows: pd.DataFrame) -> dict[str, FloatArray]:
     """Errors of both, each of shape (n, 3), in the draws that both completed."""
     done = rows[rows["status"] == "completed"].set_index(["draw", "gains"])["kept"]
     both = done.unstack("gains").reindex(columns=[YOURS, TUNED]).dropna()
-    errors = (np.array([*both[name]], dtype=float).reshape(len(both), -1) for name in both)
-    return {name: x[:, : len(WEIGHTS)] for name, x in zip(both, errors, strict=True)}
+    return {name: _errors(both[name]) for name in both}
+
+
+def _errors(kept: pd.Series) -> FloatArray:
+    """The errors of kept measures, shape (n, 3), of no flight too."""
+    return np.array([x[: len(WEIGHTS)] for x in kept], dtype=float).reshape(-1, len(WEIGHTS))
 
 
 def larger(a: FloatArray, b: FloatArray) -> tuple[int, bool]:

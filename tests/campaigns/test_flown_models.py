@@ -9,7 +9,9 @@ from places import ROOT
 from plans import plan_file, waypoint
 
 import flighttune as ft
+from flighttune.claims import counting
 from flighttune.flight.load import LAGS_ALONE
+from flighttune.studies.beside import lags_alone
 
 SHORT = waypoint(47.4, 8.5, 60), waypoint(47.404, 8.5, 60), waypoint(47.404, 8.506, 60)
 MODEL = ROOT / "aircraft" / "aerosonde" / "identified.json"
@@ -54,6 +56,21 @@ def test_a_model_of_a_log_flies_within_the_limits_that_the_log_showed(mission, m
 
     assert scenario.limits.phi_deg == (-31.0, 33.0)
     assert (scenario.limits.phi_rate_dps, scenario.limits.n_z_rate_per_s) == (25.0, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("plant", "said"),
+    [
+        ({"kind": "point_mass_lag", "identified": str(MODEL)}, [LAGS_ALONE]),
+        ({"kind": "jsbsim", "aircraft": "aerosonde"}, []),
+    ],
+)
+def test_lags_of_a_model_are_said_where_they_fly(plant, said):
+    """Also in a scenario that names an aircraft elsewhere."""
+    source = ft.load_scenario("level_turn").as_dict()
+    stated = ft.flights(ft.scenario_from(source | {"plant": [plant], "expect": []}))
+
+    assert lags_alone(counting.drawn(stated)) == said
 
 
 @pytest.mark.slow

@@ -94,6 +94,7 @@ TRADED = [2.2, 1.0, 1.0, 0.1, 0.5]  # cheaper, and farther from the track
         (rows_of([BETTER] * 9, [GOOD] * 9), {}, "not surely better"),
         # 5 of 5 draws: 0.5 is not below the interval of Clopper and Pearson, 0.478 to 1
         (rows_of([GOOD] * 5, [BETTER] * 5), {}, "in 5 of 5 draws: that is not surely better"),
+        (rows_of([GOOD] * 9, [LOST] * 9), {}, "it loses 9 of 9 aircraft, yours 0"),
         (rows_of([GOOD] * 9, [BETTER] * 9), {"margins": (WEAK, SAFE)}, "gain margin of roll is"),
         (rows_of([GOOD] * 9, [BETTER] * 9), {"margins": ()}, "stable loop is beyond its bound"),
         (rows_of([GOOD] * 9, [BETTER] * 9), {"way_back": 1.1}, "way back to the track is beyond"),
