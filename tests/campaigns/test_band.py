@@ -149,6 +149,7 @@ def test_what_cannot_be_counted_is_refused_in_one_line(plan, settings, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_flight_that_cannot_start_is_the_reason_why_its_signals_cannot_be_counted():
     dive = ft.load_scenario("level_turn", changes={"flight.gamma_deg": -30.0})
     flights = ft.flights(dive).starting(1.0)
@@ -221,6 +222,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
         assert inside == (i not in ranks[-5:]) == (band.scores[i] <= band.scale)
 
 
+@pytest.mark.slow
 def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
     short = [{"north_m": n, "east_m": 0.0} for n in (0.0, 100.2)]
     changes = {"route.waypoint": short, "flight.duration_s": 60.0}

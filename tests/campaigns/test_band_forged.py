@@ -13,7 +13,7 @@ from counted_turns import ALONE, WITH_FIVE, count, forged, small_plan
 from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
 from dispersed import tables_of as tables_of_plan
 from flown_campaigns import flown_here
-from fuzzing import marked
+from fuzzing import marked, slow
 from scipy.stats import hypergeom
 
 import flighttune as ft
@@ -152,7 +152,7 @@ def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     assert mark.exists()
 
 
-@pytest.mark.parametrize("names", [["half"], ["coefficients"], ["half", "coefficients"]])
+@pytest.mark.parametrize("names", [*slow(["half"], ["coefficients"]), ["half", "coefficients"]])
 def test_a_shape_that_was_fitted_to_the_flights_counted_is_refused(counted, tmp_path, names):
     fitted = learned_shape(counted.extremes, counted.wind, counted.about.epsilon)
     shape = dict(zip(("coefficients", "half"), fitted, strict=True))

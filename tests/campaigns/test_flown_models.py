@@ -28,6 +28,7 @@ def mine(mission):
     return str(shutil.copy(MODEL, mission.with_name("mine.json")))
 
 
+@pytest.mark.slow
 def test_a_model_flies_as_its_lags_in_wind_without_turbulence(mission, mine):
     stated = ft.flights(mission, aircraft=mine)
 

@@ -39,6 +39,7 @@ def test_what_a_scenario_states_stays_and_another_grade_keeps_its_numbers():
     assert knowing(stated, "exact").navigation is None
 
 
+@pytest.mark.slow
 def test_numbers_of_navigation_can_be_drawn(tmp_path):
     file = tmp_path / "drawn.toml"
     file.write_text(

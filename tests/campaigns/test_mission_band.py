@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from fuzzing import slow
 from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
 
@@ -77,6 +78,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert ft.load(out).sentence in flighttune("verify", out, "--count", 1)[0].replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
     """The fence ends 226 m to the east of the start; the leg to item 4 goes to 452 m."""
     near = [[47.39, 8.49], [47.39, 8.503], [47.42, 8.503], [47.42, 8.49]]
@@ -163,7 +165,7 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
 @pytest.mark.parametrize(
     ("lost_every", "flights", "lost"),
     # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
-    [(None, 628, 0), (400, 628, 2), (300, 628, None), (50, 192, None)],
+    [*slow((None, 628, 0), (300, 628, None)), (400, 628, 2), (50, 192, None)],
 )
 def test_the_third_largest_of_all_flights_decides_the_corridor(
     tmp_path, monkeypatch, lost_every, flights, lost
@@ -186,6 +188,7 @@ def test_the_third_largest_of_all_flights_decides_the_corridor(
             ft.load(out)
 
 
+@pytest.mark.slow
 def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch):
     made_up_flights(monkeypatch, None)
     file = mission(
@@ -207,6 +210,7 @@ def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch)
     assert len(counting.deciding(band)) <= len(wanted) + 2 * counting.NEXT
 
 
+@pytest.mark.slow
 def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
     """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
     made_up_flights(monkeypatch, None)

@@ -209,6 +209,7 @@ def test_a_flight_without_steady_flight_comes_to_its_place_as_its_mission_does(s
     assert h == pytest.approx(begun.here[5], abs=HEIGHTS)
 
 
+@pytest.mark.slow
 def test_flights_of_older_files_begin_in_steady_flight_and_those_that_have_one_stay_the_same(steep):
     """Files of flighttune 0.4.0 do not have the key."""
     plan = turned_back(ft.flights(steep, aircraft="aerosonde").plan(kind="jsbsim"))

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from fuzzing import slow
 from scipy.integrate import quad
 from scipy.stats import binom, binomtest, hypergeom
 
@@ -24,6 +25,7 @@ def test_sample_sizes_are_the_published_ones():
     )
 
 
+@pytest.mark.slow
 def test_a_claim_is_false_no_more_often_than_its_confidence_says():
     """Scores are uniform, so that a scale s is exceeded with probability 1 - s."""
     scores = np.random.default_rng(0).random((20_000, 93))
@@ -52,7 +54,7 @@ def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
     assert count.supported_epsilon(0, 78, 0.975, early=78) == pytest.approx(1.0 - 0.025 ** (1 / 78))
 
 
-@pytest.mark.parametrize(("claims", "flights"), [(1, 628), (2, 720), (3, 773)])
+@pytest.mark.parametrize(("claims", "flights"), [(1, 628), *slow((2, 720), (3, 773))])
 def test_a_mission_counts_the_fewest_flights_of_which_two_may_be_outside(claims, flights):
     """1 % at 0.95 for all claims: own sums of the binomial distribution, also printed as help."""
     share = 0.05 / claims
@@ -128,6 +130,7 @@ def test_evidence_is_the_integral_of_likelihood_ratios(epsilon, confidence):
 MEANS = {0.0: 0.39, 0.005: 0.62, 0.0125: 0.98, 0.1: 1.34, 0.25: 0.12}
 
 
+@pytest.mark.slow
 def test_an_answer_is_false_no_more_often_than_stated_however_often_it_is_looked_at():
     epsilon, confidence, planned = 0.05, 0.95, count.flights_needed(0.05, 0.95, 5)
     rng, n, campaigns = np.random.default_rng(6), np.arange(1, 4 * planned + 1), 2000

@@ -90,6 +90,7 @@ def tuned(airspeed):
     return ft.tune(ft.loop.TuningProblem(model=model_at(V_0, CLIMB, airspeed), I_star=5.0))
 
 
+@pytest.mark.slow
 def test_three_channels_have_the_optimum_of_two():
     two, three = tuned(False), tuned(True)
 

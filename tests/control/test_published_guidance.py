@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fuzzing import slow
 
 from flighttune.control.laws.autopilot import L1, Motion, Npfg, TecsOfArduPilot, Track, guidance
 
@@ -108,7 +109,7 @@ def test_l1_of_ardupilot_accelerates_as_its_source():
     assert modes == {"leg", "small angle", "capture", "circle"}
 
 
-@pytest.mark.parametrize("circling", [False, True])
+@pytest.mark.parametrize("circling", [*slow(False), True])
 def test_l1_of_px4_accelerates_as_its_source(circling):
     x, modes, pairs = roles("FW_L1_PERIOD"), set(), []
     for m, track, _ in states(2):

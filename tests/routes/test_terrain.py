@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from fuzzing import refused_apart
+from fuzzing import refused_apart, slow
 from geographiclib.geodesic import Geodesic
 from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
 from scipy.ndimage import map_coordinates
@@ -350,7 +350,7 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
         ground_at(file, np.array([[47.4, 8.5]]))
 
 
-@pytest.mark.parametrize("to_the_right", [False, True])
+@pytest.mark.parametrize("to_the_right", [*slow(False), True])
 def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, to_the_right):
     """East or west on a plane that rises to the north: an edge of its lower side."""
     legs = [waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)]

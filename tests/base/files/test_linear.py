@@ -1,7 +1,7 @@
 """Reading takes a time in proportion to the size of a file, whatever is wrong in it."""
 
 import pytest
-from fuzzing import limited
+from fuzzing import limited, marked
 
 import flighttune as ft
 from flighttune.logs.parameters import flown_now
@@ -100,10 +100,11 @@ FILES = {
         lambda: "\n".join(f"k{i} = 1" for i in range(45_000)),
     ),
 }
+LARGE = {"parameters", "too many values"}  # which take seconds of the processor
 OPENS = '"type":"GeometryCollection","geometries":['
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", marked(FILES, pytest.mark.slow, but={*FILES} - LARGE))
 def test_a_large_file_of_mistakes_is_refused_in_a_time_like_its_size(tmp_path, name):
     file, read, text = FILES[name]
     (tmp_path / file).write_text(text())

@@ -76,6 +76,7 @@ def test_gains_of_a_certificate_are_of_the_number_of_its_errors(certified):
         replace(certified, peak_gains=np.ones((1, 2)))
 
 
+@pytest.mark.slow
 def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate():
     """0.0657 m/s across at 25 m/s is 0.15 deg, by the covariance recursion of the navigation."""
     changes = {"tuning.model": "identified"}

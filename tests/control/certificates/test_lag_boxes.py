@@ -142,6 +142,7 @@ def test_the_identified_models_themselves_are_as_fast_as_their_box():
     assert any(f"decay at {slowest:.4g} 1/s" in note for note in certificate.answer().notes)
 
 
+@pytest.mark.slow
 def test_a_file_with_boxes_is_valid_and_says_both_rates(tmp_path):
     certificate = behind_lags()
     certificate.save(tmp_path / "proof.json")

@@ -63,6 +63,7 @@ def test_the_rate_is_lowered_by_every_vertex_and_held_by_every_matrix_between():
     assert largest_violation(between, found.Q) < EIGENVALUE_ROUNDING
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.integers(0, 2**32))
 def test_rate_and_bound_enclose_each_other_on_random_polytopes(seed):

@@ -74,6 +74,7 @@ def test_the_rate_never_promises_more_than_the_slowest_eigenvalue(seed, n):
     assert np.linalg.eigvalsh(found.Q)[-1] == pytest.approx(1.0 / found.R_K, rel=ROUNDING)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), spread=st.floats(0.0, 3.0))
 def test_a_stack_has_the_indicators_of_its_members(seed, spread):

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fuzzing import slow
 from made_up import made_up_scenario
 from scipy.integrate import quad
 
@@ -77,7 +78,7 @@ def test_the_largest_error_of_two_channels_is_that_of_the_worse(q):
     assert found == pytest.approx(4.0, rel=FOUR_DIGITS)
 
 
-@pytest.mark.parametrize("objective", ["rms", "decay"])
+@pytest.mark.parametrize("objective", ["rms", *slow("decay")])
 def test_the_largest_sensitivity_at_the_commands_is_at_most_the_bound_and_named(objective):
     result = tuned(objective)
     K_P, K_I = (np.diag(gain) for gain in (result.gains.K_P, result.gains.K_I))
@@ -110,7 +111,7 @@ def test_gains_in_turbulence_decay_at_half_the_rate_of_the_largest_R_K():
     assert in_turbulence.agreeing == 2  # the searches from both starts
 
 
-@pytest.mark.parametrize("lost", [[1.6], [1.6, 2.0]])
+@pytest.mark.parametrize("lost", [[1.6], *slow([1.6, 2.0])])
 def test_a_search_that_loses_the_integral_is_left_out(monkeypatch, lost):
     """SciPy's search may fail at a bound; without an integral, errors stay for ever."""
     end, begun = shaped._Search.end, []
@@ -151,7 +152,7 @@ def test_random_gains_around_the_answer_are_no_better(objective):
                 assert value > result.errors_in_gusts[i] * (1.0 - BETTER)
 
 
-@pytest.mark.parametrize(("objective", "feedback"), [("rms", True), ("E_K", False)])
+@pytest.mark.parametrize(("objective", "feedback"), [("rms", True), *slow(("E_K", False))])
 def test_no_bound_leaves_less_phase_than_meet_requires(objective, feedback):
     result = tuned(objective, 2.5, feedback=feedback)
     margins = result.answer().tables[2].records[:2]

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fuzzing import slow
 from made_up import made_up_scenario
 from scipy.integrate import quad
 
@@ -110,7 +111,7 @@ def tuned(*rates, **tuning):
     return ft.tune(made_up_scenario(law=["exact"], gains=["tuned"], **tables), starts=3)
 
 
-@pytest.mark.parametrize("rates", [(4.0, 0.2), (3.0, 0.1)])
+@pytest.mark.parametrize("rates", [(4.0, 0.2), *slow(((3.0, 0.1),))])
 def test_the_rates_of_the_commands_are_at_their_bounds_which_are_named(rates):
     result = tuned(*rates)
     roll, lift = result.in_noise.rates
@@ -120,6 +121,7 @@ def test_the_rates_of_the_commands_are_at_their_bounds_which_are_named(rates):
     assert any("100% and 100% of their bounds" in note for note in result.answer().notes)
 
 
+@pytest.mark.slow
 def test_the_default_bounds_are_shares_of_the_limits_of_the_aircraft():
     """The Aerosonde's rates are 30 deg/s and 1 1/s; the scenario states none."""
     roll, lift = tuned().problem.noise.rates_max
@@ -127,6 +129,7 @@ def test_the_default_bounds_are_shares_of_the_limits_of_the_aircraft():
     assert (roll / DEG, lift) == pytest.approx((3.0, 0.15))
 
 
+@pytest.mark.slow
 def test_calmer_commands_cost_errors_and_wide_bounds_cost_nothing():
     calm, wide = tuned(3.0, 0.1), tuned(100.0, 100.0)
 

@@ -1,6 +1,7 @@
 """Tuning that is stopped ends with its next step."""
 
 import pytest
+from fuzzing import slow
 
 import flighttune as ft
 from flighttune.base.errors import StoppedError
@@ -12,9 +13,11 @@ STEPS = 5
 @pytest.mark.parametrize(
     "changes",
     [
-        {},  # by gradients
-        {"tuning.I_star": 1e-9},  # infeasible: its diagnosis searches too
-        {"tuning.model": "identified"},
+        *slow(
+            {},  # by gradients
+            {"tuning.I_star": 1e-9},  # infeasible: its diagnosis searches too
+            {"tuning.model": "identified"},
+        ),
         {"tuning.model": "identified", "tuning.lag_s": [0.1, 0.4]},  # the slowest decay
     ],
 )

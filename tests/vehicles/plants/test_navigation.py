@@ -35,6 +35,7 @@ def pairs(n):
     return [[level.drawn(1, rng)[0, :, 0] for _ in range(2)] for _ in range(n)]
 
 
+@pytest.mark.slow
 def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
     """Sample by sample, without a random number, 200 s from an exact start."""
     x = GRADES["standard"]
@@ -86,6 +87,7 @@ def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
     assert sd == pytest.approx((position, velocity, tilt), rel=five_sigma)
 
 
+@pytest.mark.slow
 def test_half_of_the_fixes_are_within_the_circular_error_probable():
     """CEP is 1.1774 deviations: the median of a Rayleigh distribution."""
     places = np.array(pairs(2000))[:, :, 0]
