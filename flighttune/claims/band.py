@@ -107,8 +107,9 @@ class Band(SignalBounds):
         infinite for a flight that was not completed.
     wind : ndarray, shape (N, 2) or (N, 0), m/s
         Wind at the start of each flight to the north and east, if the band uses it.
-    navigation : ndarray, shape (N, 2) or (N, 0), m
-        Largest errors of navigation of each flight along a route, beside it and in height.
+    navigation : ndarray, shape (N, 4) or (N, 0), m
+        Largest errors of navigation of each flight along a route, beside it and in height, then
+        its distances as the autopilot saw them, for 95 % of the time.
     by_rtk : ndarray, shape (n, 2) or (0, 2), m
         Largest distances from their route, beside it and in height, of learning flights that were
         flown by RTK as well.

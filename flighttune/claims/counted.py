@@ -139,8 +139,8 @@ class Counted(Answering):
     flights: BandFlights
     extremes: Extremes
     wind: FloatArray
-    # (flights, 2) along a route, else (flights, 0): largest errors of navigation beside it and in
-    # height, m
+    # (flights, 4) along a route, else (flights, 0): largest errors of navigation beside it and in
+    # height, then its distances as seen, m
     navigation: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     endings: Sequence[Mapping[str, Any]] = ()
     compiled: CompiledFlights = field(default_factory=CompiledFlights)

@@ -15,6 +15,7 @@ from flighttune.claims.about import About
 from flighttune.claims.counted import BandFlights, Counted
 from flighttune.claims.counted_flights import check_one_path, flights_of, plan_in
 from flighttune.claims.ending import Ending
+from flighttune.claims.known import NUMBERS
 from flighttune.claims.shape import MAX_NUMBERS
 
 ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT}
@@ -103,7 +104,7 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     shapes = {"half": each, "coefficients": (10 if by_wind else 1, *each)}
     shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
     if "navigation" in arrays:  # not in files of 0.4.0
-        shapes["navigation"] = flights, 2 * of.navigated
+        shapes["navigation"] = flights, NUMBERS * of.navigated
     if "by_rtk" in arrays:
         shapes["by_rtk"] = len(arrays["by_rtk"]), 2
     array.check_shapes("band", learned | arrays, shapes)

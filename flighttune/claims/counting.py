@@ -26,7 +26,7 @@ from flighttune.claims.about import About
 from flighttune.claims.band import NO_FLIGHTS, Band
 from flighttune.claims.counted import Counted, axis_of, wind_at_start
 from flighttune.claims.ending import Ending
-from flighttune.claims.known import navigation_errors_of
+from flighttune.claims.known import NUMBERS, navigation_errors_of
 from flighttune.claims.measured import SAME, Measured
 from flighttune.claims.unfinished import Unfinished, written_at
 from flighttune.flight.loop.run import Run
@@ -70,7 +70,8 @@ class Kept:
     @property
     def lost(self) -> list[float]:
         """The numbers of a flight that was not completed."""
-        return LOST * (math.prod(self.shape) // 2) + [0.0, 0.0] * (self.windy + self.navigated)
+        others = 2 * self.windy + NUMBERS * self.navigated
+        return LOST * (math.prod(self.shape) // 2) + [0.0] * others
 
     def parts(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Extremes, wind and navigation from the numbers of flights, shape (flights, numbers)."""
@@ -155,7 +156,7 @@ def counted_on(
             flights=replace(flights, measured=measured),
             extremes=np.zeros((0, *shape, 2), np.float32),
             wind=np.zeros((0, 2 * kept.windy)),
-            navigation=np.zeros((0, 2 * kept.navigated)),
+            navigation=np.zeros((0, NUMBERS * kept.navigated)),
         )
         counted = replace(counted, compiled=pool.progress.compiled)
         if kind.beside_rtk and ending.corridor:

@@ -1,10 +1,12 @@
 """What autopilots know of their motion where a verb flies: a standard receiver along a route."""
 
+import numpy as np
 import pytest
+from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.campaigns.planning.knowing import knowing
-from flighttune.claims.known import navigation_errors
+from flighttune.claims import known
 
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 400.0)]}
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
@@ -65,6 +67,17 @@ def test_a_path_through_the_air_cannot_be_known_by_a_grade():
         knowing(ft.scenario_from(made), "rtk")
 
 
+def test_flying_is_what_the_autopilot_sees_for_most_of_the_time():
+    # 4 m off at first, which it flies off in 4 % of the time; then 0.2 m, its place 3 m off
+    off = np.where(np.arange(1000) < 40, 4.0, 0.2)
+    off_true = {"cross_track": off - 3.0, "height_err": 2.0 * off - 1.0}
+    seen = {"cross_track_seen": off, "height_err_seen": 2.0 * off}
+
+    errors = known.navigation_errors_of(made_up_run(off_true | seen, np.arange(1000.0)))
+
+    assert errors == pytest.approx([3.0, 1.0, 0.2, 0.4])
+
+
 @pytest.mark.slow
 def test_a_claim_names_what_its_autopilots_knew_and_its_corridor_is_as_wide(tmp_path):
     by_receiver = ft.band("circuit_in_wind", changes=SHORT, **FEW)
@@ -74,15 +87,17 @@ def test_a_claim_names_what_its_autopilots_knew_and_its_corridor_is_as_wide(tmp_
     assert "where the aircraft knows its place exactly" in exact.sentence
     both = by_receiver, exact
     sides = [abs(band.extremes[:, :, 0]).max() for band in both]
-    errors = navigation_errors(by_receiver)
+    errors = known.navigation_errors(by_receiver)
     assert sides[0] > 2.0 * sides[1]
     # At most the error of its place moves an aircraft: the triangle inequality.
     assert sides[0] < errors.beside + 3.0
+    flying = f"flying is {errors.seen_beside:.2g} m and {errors.seen_above:.2g} m"
+    assert flying in str(by_receiver.answer().summary)
     said = "the distance that the autopilot sees plus"
     told = [said in str(band.answer().notes) for band in both]
     assert told == [True, False]
     file = tmp_path / "counted.npz"
     by_receiver.save(file)
-    assert navigation_errors(exact) is None
+    assert known.navigation_errors(exact) is None
     with pytest.raises(ft.InputError, match="`navigation` must be absent for a band file"):
         ft.band(file, navigation="rtk")

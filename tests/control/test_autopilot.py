@@ -301,6 +301,23 @@ def test_the_linear_loop_has_the_slopes_of_the_commands(parameters):
     assert moved / small == pytest.approx(b, rel=1e-3)
 
 
+@pytest.mark.parametrize("wind", [(8.0, 0.0), (-8.0, 0.0), (0.0, 8.0), (-5.0, 6.0)])
+@pytest.mark.parametrize("parameters", [NPFG, L1, {"FW_L1_PERIOD": 12.0}])
+def test_wind_changes_no_margin_of_a_leg_but_for_the_cosine_of_the_drift_in_l1(parameters, wind):
+    # y'' = -A y' - B y beside the leg: y' = V_g chi, and y'' is the acceleration across the air's
+    # path, g tan(phi), times the cosine of the drift angle. In still air A = a and B = b / V.
+    (a, _), (b, _), *_ = made(parameters).linear(20.0)
+    small, drift = 1e-5, math.asin(-wind[1] / 20.0)
+    V_g = wind[0] + 20.0 * math.cos(drift)
+    turned, moved = (
+        math.tan(commanded(parameters, wind=wind, **flight)[0]) * G * math.cos(drift) / small
+        for flight in ({"chi": -small}, on_path(-20.0 * small))
+    )
+    lowered = 1.0 if parameters is NPFG else math.cos(drift)
+    assert turned / V_g == pytest.approx(lowered * a, rel=1e-4)
+    assert moved / 20.0 == pytest.approx(lowered * b, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [

@@ -105,7 +105,7 @@ def test_the_page_of_a_log_has_the_corridor_of_a_route_beside_its_errors(tmp_pat
     width = float(said.split()[5])
     assert beside <= width <= 1.01 * beside  # rounded up to three digits
     assert "errors of navigation alone reach" in said
-    (seen,) = (x for x in page.summary if "the autopilot sees" in x)
+    (seen,) = (x for x in page.summary if x.startswith("Where the flight is straight"))
     assert seen.endswith("the error of navigation together.")
 
     # Its learning flights, flown by RTK one by one

@@ -10,7 +10,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.words import at_most, confidence_text, pick
 from flighttune.claims.band import Band, Fenced
 from flighttune.claims.counted import Counted
-from flighttune.claims.known import navigation_errors
+from flighttune.claims.known import MOST_OF_THE_TIME, navigation_errors
 from flighttune.outputs.answers import counted
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
@@ -130,11 +130,14 @@ def width(band: Band) -> str:
         return "No corridor is claimed."
     claimed = band.corridor()
     beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
-    of_sides, of_height = ", ", ""
+    of_sides, of_height, flying = ", ", "", ""
     if (errors := navigation_errors(band)) is not None:
-        sides, height = (f"{min(x):.2g} m" for x in zip(errors, (beside, above), strict=True))
+        sides, height = (f"{min(x):.2g} m" for x in zip(errors[:2], (beside, above), strict=True))
         of_sides = f", where errors of navigation alone reach {sides}, "
         of_height = f", where they reach {height}"
+        seen = f"{errors.seen_beside:.2g} m and {errors.seen_above:.2g} m"
+        time = f"{100.0 * MOST_OF_THE_TIME:g} % of the time"
+        flying = f" Of it, flying is {seen}: so near the autopilot sees itself for {time}."
     by_rtk = ""
     if len(band.by_rtk):
         aside, off = band.by_rtk.max(axis=0).tolist()
@@ -142,5 +145,5 @@ def width(band: Band) -> str:
         by_rtk = f"{flown} {aside:.2g} m and {off:.2g} m."
     return (
         f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path{of_sides}"
-        f"and {at_most(above, 3)} m high above and below it{of_height}.{by_rtk}"
+        f"and {at_most(above, 3)} m high above and below it{of_height}.{flying}{by_rtk}"
     )
