@@ -373,14 +373,16 @@ def test_a_corridor_names_the_errors_of_navigation_in_it():
     flights = ft.flights("circuit", changes={"route.waypoint": waypoints}).knowing("standard")
     corridor = count_on(ft.Band, flights.plan(plant="kinematic", gains="paper"), [50.0, 20.0])
     counted = len(corridor.scores)
-    reach = np.linspace((1.0, 2.0), (7.0, 30.0), counted)  # m, of each flight
+    # m, of each flight: errors of its place, then how far off it sees itself
+    reach = np.linspace((1.0, 2.0, 0.1, 0.2), (7.0, 30.0, 0.8, 0.9), counted)
 
     said = summary(replace(corridor, navigation=reach))[2]
 
     # as many flights as inside; the corridor holds the errors with which it is flown
-    beside, above = reach[counted - corridor.outside - 1].tolist()
+    beside, above, *seen = reach[counted - corridor.outside - 1].tolist()
     parts = re.findall(r"reach ([\d.]+) m", said)
     assert parts == [f"{beside:.2g}", f"{min(above, 20.0):.2g}"]
+    assert f"flying is {seen[0]:.2g} m and {seen[1]:.2g} m" in said
     assert "reach" not in summary(corridor)[2]  # a file of 0.4.0 has none
 
 
