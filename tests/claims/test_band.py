@@ -143,6 +143,17 @@ def test_signals_of_unlike_size_are_left_about_equally_often():
     assert left.min() > 0.25 * left.max()
 
 
+@pytest.mark.parametrize("winds", [True, False])
+def test_a_band_around_what_the_wind_predicts_says_so_and_another_does_not(winds):
+    rng = np.random.default_rng(7)
+    drawn = rng.uniform(-4.0, 4.0, (60, 2)), rng.uniform(-4.0, 4.0, (93, 2))
+    flights = [random_flights(len(wind), rng, wind) for wind in drawn]
+
+    sentence = band_of(*flights, winds=drawn if winds else None).sentence
+
+    assert ("leaves the band, around the middle that its wind predicts," in sentence) == winds
+
+
 @pytest.mark.slow
 def test_a_band_that_is_given_the_wind_is_as_narrow_as_without_any():
     rng = np.random.default_rng(7)

@@ -77,7 +77,12 @@ def test_margins_are_those_of_python_control_with_slicot(name):
             number = np.inf if number is None else number
             assert getattr(channel, key) == pytest.approx(number, rel=ROUNDING), key
     if len(channels) < 3:
-        assert together.disk_margin == pytest.approx(expected["disk_margin"], rel=ROUNDING)
+        d = expected["disk_margin"]
+        assert together.disk_margin == pytest.approx(d, rel=ROUNDING)
+        # Seiler, Packard and Gahinet: where the disk meets the real axis and the unit circle
+        disk = together.gain_decrease, together.gain_increase, together.phase_margin
+        of_disk = (2.0 - d) / (2.0 + d), (2.0 + d) / (2.0 - d), 2.0 * np.arctan(d / 2.0)
+        assert disk == pytest.approx(of_disk, rel=ROUNDING)
     else:  # of three inputs only a bound is computed, on the safe side
         assert 0.99 * expected["disk_margin"] < together.disk_margin < expected["disk_margin"]
 

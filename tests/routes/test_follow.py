@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 
 import flighttune as ft
 from flighttune.flight.loop import loop
-from flighttune.routes.follow import SAME_PLACE
+from flighttune.routes import follow
+from flighttune.routes.path import STEP
 
 ROUTE = {
     "wind_mps": 8.0,
@@ -44,6 +45,18 @@ def test_a_route_is_banked_by_no_more_than_the_smaller_side_of_the_limits_allows
     # The tightest turn takes four fifths of the bank at 25 m/s with 8 m/s of wind from behind.
     tightest = 9.81 * math.tan(math.radians(0.8 * 20.0)) / 33.0**2
     assert np.abs(path.curvature).max() == pytest.approx(tightest, rel=1e-3)
+
+
+def test_the_path_between_its_points_is_that_of_linear_interpolation():
+    reference = ft.route(scenario([{"kind": "point_mass"}])).reference
+    path, s = reference.path, np.linspace(0.0, reference.path.length, 1009)
+    columns = path.north, path.east, path.course, path.curvature, path.up, path.slope
+
+    found = np.array([follow.path_at(reference.rows, x) for x in s])
+
+    along = STEP * np.arange(len(path.north))
+    expected = np.column_stack([np.interp(s, along, column) for column in columns])
+    assert found[:, [1, 2, 3, 6, 7, 8]] == pytest.approx(expected, abs=1e-9)
 
 
 WINDY = {
@@ -108,11 +121,11 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
     }
     reference = ft.route(scenario(LAW, route=straight)).reference
     dt, V = 0.01, 25.0
-    follow, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
+    follower, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
     aside = []
     for _ in range(2000):
         seen = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 1000.0, (north, east, 0.0), None)
-        asked, (_, beside, below) = follow(seen)
+        asked, (_, beside, below) = follower(seen)
         assert (beside, below) == pytest.approx((east, 0.0), abs=1e-6)
         aside.append(east)
         chi = asked.chi
@@ -152,7 +165,7 @@ def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles)
 
     aside = np.abs(signals["cross_track"])[signals["along"] < path.length]
     assert (aside > off_line - 0.5 * SPACING).all()
-    if reference.displacement(signals) <= SAME_PLACE:
+    if reference.displacement(signals) <= follow.SAME_PLACE:
         assert apart < 0.01
     else:
         assert abs(course) > 90.0 - 30.0  # drift in a wind of 12 m/s at 25 m/s

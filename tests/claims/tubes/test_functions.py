@@ -101,6 +101,21 @@ def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
     assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
 
 
+def test_sums_of_many_forms_contain_the_exact_ones():
+    """Their coefficients are rounded: 20 terms of like size, which cancel in part."""
+    rng = np.random.default_rng(4)
+    terms = [forms.Form(x, np.zeros(1), np.abs(x).sum(axis=1)) for x in rng.normal(size=(20, 1, 3))]
+    weights = rng.normal(size=(5, 20))
+
+    sums = forms.transformed(weights, terms)
+
+    for row, found in zip(weights, sums, strict=True):
+        for j, coefficient in enumerate(found.coefficients[0]):
+            products = zip(row, (term.coefficients[0, j] for term in terms), strict=True)
+            exactly = sum(Fraction(a) * Fraction(b) for a, b in products)
+            assert abs(Fraction(coefficient) - exactly) <= Fraction(found.err[0])
+
+
 def test_fewer_symbols_make_no_range_smaller(pieces):
     weights = np.random.default_rng(9).uniform(-1.0, 1.0, (20, ROWS))
 
