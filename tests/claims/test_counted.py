@@ -34,6 +34,17 @@ def counted():
     return count_of(ft.Band, plan_of_paper(made_up_scenario()), measured, 1.0, scores_of(1.0))
 
 
+def test_a_count_names_gains_that_were_tuned_for_another_aircraft():
+    of = {"aircraft": ["c172p"], "V_a_mps": [50.0]}
+    K = {"K_P": GAINS.K_P.tolist(), "K_I": GAINS.K_I.tolist()}
+    made = made_up_scenario(gains=["paper", {"name": "other", **K, "tuned_for": of}])
+    flights = replace(band_flights(np.array([0.0, 1.0])), scenario=made)
+
+    assert flights.gains_notes == ()
+    (note,) = replace(flights, gains_name="other").gains_notes
+    assert note.startswith("The gains other were tuned for the c172p at 50 m/s; here they fly on")
+
+
 @pytest.mark.parametrize(
     ("plant", "name", "gains", "says"),
     [

@@ -636,6 +636,18 @@ def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
     assert heights == {997.0, round(1000.0 + band.scale, 2)}
 
 
+def test_a_window_of_a_climb_is_as_high_as_its_ends():
+    """16 m up in 800 m: 4 and 8 m in the middle, and 1 m to the next point of the path."""
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0, up=16.0)], ABILITY)
+    room = maps.Corridor(np.array([[200.0, 400.0]]), *np.array([[[-2.0, -3.0]], [[2.0, 5.0]]]), "")
+
+    drawn = maps.RouteMap((leg, ORIGIN, 1000.0), "a climb", corridor=room)
+
+    _, piece = json.loads(drawn.geojson())["features"]
+    said = [piece["properties"][key] for key in ("min_up_m", "max_up_m")]
+    assert said == pytest.approx([4.0 - 5.0, 8.0 + 3.0], abs=0.05)
+
+
 def test_the_route_of_a_band_is_written_with_its_corridor(band, tmp_path):
     band.save(tmp_path / "b.npz")
 

@@ -59,6 +59,23 @@ def test_the_path_between_its_points_is_that_of_linear_interpolation():
     assert found[:, [1, 2, 3, 6, 7, 8]] == pytest.approx(expected, abs=1e-9)
 
 
+def test_a_route_that_climbs_takes_the_time_of_its_path_through_the_air():
+    """A turn behind 800 m over ground at over 15 % comes later than behind 800 m on the level."""
+    climb = [(0.0, 0.0, 0.0), (800.0, 0.0, 120.0), (800.0, 800.0, 120.0)]
+    keys = "north_m", "east_m", "up_m"
+    tables = {"waypoint": [dict(zip(keys, x, strict=True)) for x in climb]}
+    reference = ft.route(scenario([{"kind": "point_mass"}], route=tables)).reference
+
+    path = reference.path
+    lengths = np.hypot(np.diff(path.s), np.diff(path.up))
+    times = np.append(0.0, np.cumsum(lengths)) / 25.0
+    turning = int(np.argmax(path.course > math.pi / 4.0))
+    course, _ = reference.sampled(times[[turning]])
+
+    assert times[turning] > 1.01 * path.s[turning] / 25.0
+    assert course == pytest.approx(path.course[turning], abs=2e-3)
+
+
 WINDY = {
     "wind.speed_mps": 5.0,
     "wind.from_deg": 70.0,

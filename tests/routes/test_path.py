@@ -253,6 +253,21 @@ def test_every_way_out_of_a_refusal_is_one():
     assert {"V_a_mps", "turnaround_m"} <= set(ways), offered
     for key, value in ways.items():
         plan(rows, replace(narrow, **{keys[key]: value}))
+        # none that is much nearer to what was asked for is enough
+        closer = value - 2.0 if key == "turnaround_m" else value + 0.2
+        with pytest.raises(ft.InputError, match="waypoint"):
+            plan(rows, replace(narrow, **{keys[key]: closer}))
+
+
+def test_a_leg_to_circles_that_climb_is_as_high_as_its_begin():
+    """20 m since the climb before, not 0 as at the start, nor 90 as after the circles."""
+    circle = Waypoint(north=2000, east=0, up=90.0, turns=2.0, radius=200.0, spiral=True)
+    ends = Waypoint(north=0, east=0), Waypoint(north=600, east=0, up=20.0)
+    path = plan([*ends, circle, Waypoint(north=2000, east=1500, up=90.0)], AROUND)
+
+    _, _, up, _ = path.at(np.array([700.0, 1500.0]))
+
+    assert up == pytest.approx(20.0, abs=0.01)
 
 
 @pytest.mark.parametrize(

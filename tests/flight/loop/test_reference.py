@@ -31,6 +31,12 @@ def test_segments_add_to_the_start_value():
 ROLLED = Segment(2.0, (0.0, 4.0, 7.0), rates=(0.3, -0.1), roll_in=1.5)
 
 
+def test_a_segment_says_when_its_shape_changes():
+    """Half of the roll-in is before each break, half behind it."""
+    assert ROLLED.times == (1.25, 2.75, 5.25, 6.75, 8.25, 9.75)
+    assert Segment(2.0, (0.0, 4.0), rates=(0.3,)).times == (2.0, 6.0)
+
+
 def test_a_rate_that_rolls_in_is_its_mean_over_that_time():
     """Expected: the mean of the plain ramp over 1.5 s about each time, by quadrature."""
     plain = lambda t: np.interp(t, [2.0, 6.0, 9.0], [0.0, 1.2, 0.9])  # noqa: E731
