@@ -105,6 +105,7 @@ def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(mission, r
     assert [x["doJumpId"] for x in items] == [*range(1, len(items) + 1)]
     assert [x["command"] for x in items[:2]] == [22, 178]
     (circle,) = (x for x in items if x["command"] == 18)
+    assert circle["params"][4:6] == pytest.approx([47.40, 8.52], abs=1e-7)
     assert circle["params"][2] == pytest.approx(-155.9, abs=0.2)  # 33.3^2 / (g tan 36 deg)
     # The turn-around is passed through both waypoints of its leg, and goes beyond them.
     places = np.array([x["params"][4:6] for x in items if x["command"] == 16])

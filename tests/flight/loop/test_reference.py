@@ -28,6 +28,16 @@ def test_segments_add_to_the_start_value():
     assert reference.rates(3.0) == (0.25, 0.0)
 
 
+def test_each_rate_of_a_segment_counts_from_its_own_break():
+    """2 s at 0.25, then 3 s at -0.5."""
+    segment = Segment(1.0, (0.0, 2.0, 5.0), rates=(0.25, -0.5))
+
+    t = np.array([1.0, 2.0, 3.0, 4.0, 6.0, 9.0])
+
+    assert segment(t) == pytest.approx([0.0, 0.25, 0.5, 0.0, -1.0, -1.0])
+    assert segment.slope(t).tolist() == [0.25, 0.25, -0.5, -0.5, 0.0, 0.0]
+
+
 ROLLED = Segment(2.0, (0.0, 4.0, 7.0), rates=(0.3, -0.1), roll_in=1.5)
 
 
