@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
@@ -29,6 +30,9 @@ NOT_ENDED_S = 1e6
 # Longest flight, relative to its time in still air: the bound has this time for flights that last
 # longer than all that were counted.
 LONGEST = 3.0
+
+# Sides to which a flight turns when it is ended: left and right.
+SIDES = -1, 1
 
 # Time allowed for the manoeuvre of an ending, relative to that in still air.
 MANOEUVRE = 2.0
@@ -218,7 +222,7 @@ def _plan_of(ends: Ends, fault: int | None, how: HowEnded | None, window_s: floa
     if how is not None and how in MANOEUVRES:
         tables["route"]["ending"] = {"kind": MANOEUVRES[how]}
         tables["flight"]["duration_s"] += _longest(plan, tables)
-        drawn.append(Choice(key="route.ending.side", values=[-1, 1]))
+        drawn.append(Choice(key="route.ending.side", values=[*SIDES]))
     seed = plan.campaign.seed + (0 if fault is None else 1 + fault)
     campaign = plan.campaign.model_copy(update={"success": [], "seed": seed})
     return replace(plan, campaign=rebuilt(campaign, drawn, scenario_from(tables)))
@@ -228,10 +232,12 @@ def _longest(plan: Plan, tables: dict[str, Any]) -> float:
     """Time for the manoeuvre that ends a flight, s, from where it is longest."""
     path, lengths = planned_route(plan.campaign.central).reference.path, []
     flown = path.s <= path.length
-    # The way down is longest from the highest place, the way home from the farthest.
-    for far in (path.up, np.hypot(path.north - path.north[0], path.east - path.east[0])):
-        at_m = float(path.s[far[flown].argmax()])
-        ending = {**tables["route"]["ending"], "at_m": at_m}
+    far = np.hypot(path.north - path.north[0], path.east - path.east[0])
+    # The way down is longest from the highest place, the way home from the farthest; turning onto
+    # either may be longest at the start, and to one side.
+    places = {0.0, *(float(path.s[x[flown].argmax()]) for x in (path.up, far))}
+    for at_m, side in product(places, SIDES):
+        ending = {**tables["route"]["ending"], "at_m": at_m, "side": side}
         ended = scenario_from({**tables, "route": {**tables["route"], "ending": ending}})
         lengths.append(planned_route(ended).reference.path.length - at_m)
     return MANOEUVRE * math.ceil(max(lengths) / min(plan.campaign.central.airspeeds))

@@ -26,7 +26,7 @@ from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.entry import Entry, entries
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.loop.aircraft import CompiledAircraft, compiled_aircraft
+from flighttune.flight.loop.aircraft import CompiledAircraft, inside
 from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
 from flighttune.flight.loop.run import Provenance, Run, RunStatus
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
@@ -293,7 +293,7 @@ def fly_once(
     status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
     made_by = replace(made_by, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
-    aircraft = compiled_aircraft(plant)
+    aircraft = inside(plant, CompiledAircraft)
     compiled = aircraft is not None and aircraft.compiled
     return Run(
         signals=signals,

@@ -20,7 +20,7 @@ from flighttune.flight import metrics
 from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.fly import aircraft_table, controller_on, fly_alone, manoeuvre, plant_of
 from flighttune.flight.load import chosen_entry
-from flighttune.flight.loop.aircraft import CEILING, compiled_aircraft
+from flighttune.flight.loop.aircraft import CEILING, CompiledAircraft, inside
 from flighttune.flight.loop.batch import ARRIVED
 from flighttune.flight.loop.loop import Flight
 from flighttune.flight.loop.run import Run
@@ -303,7 +303,7 @@ def _sampled(entry: Entry) -> Sampled:
     entry = entry.bound()
     scenario = entry.scenario
     plant = plant_of(entry.plant, scenario, compiled=True)
-    aircraft, made = compiled_aircraft(plant), manoeuvre(entry, plant, entry.plant.label)
+    aircraft, made = inside(plant, CompiledAircraft), manoeuvre(entry, plant, entry.plant.label)
     assert aircraft is not None  # `aircraft_table` found it
     controller, condition = controller_on(entry, plant), made["condition"]
     flight = Flight(plant, controller, lead=entry.lead, **made)

@@ -19,6 +19,7 @@ from flighttune.claims.hourly_flights import Ends, FlownTerm, check_rates
 from flighttune.claims.leaving import Alarms, Volume
 from flighttune.claims.per_hour import PerHour, count_per_hour, load_per_hour
 from flighttune.claims.rates_keys import KINDS, HowEnded, RatesTable, load_rates
+from flighttune.flight.route import planned_route
 from flighttune.gaps.watch import SignalModel
 from flighttune.outputs.answers import per_hour as answers
 from flighttune.routes.volumes import CONTINGENCY
@@ -28,6 +29,18 @@ STUCK = 'kind = "rudder_stuck"\nper_hour = 1e-3\nsource = "a log"\n'
 
 # A straight route of 300 m, 10 s of flight.
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+
+
+# Routes that climb, and come back near their start, turning right and left.
+RIGHT, LEFT = (
+    {
+        "route.waypoint": [
+            {"north_m": n, "east_m": side * e, "up_m": up}
+            for n, e, up in ((0, 0, 0), (900, 0, 20), (900, 500, 20), (50, 500, 0))
+        ]
+    }
+    for side in (1.0, -1.0)
+)
 
 
 @pytest.mark.parametrize(
@@ -82,8 +95,8 @@ def test_a_fault_names_what_is_flown_then(own, words):
     assert table.name_of(None, None) == "healthy flight"
 
 
-def short_plan():
-    stated = ft.flights("circuit_in_wind", changes=SHORT).knowing(None)
+def short_plan(changes=SHORT):
+    stated = ft.flights("circuit_in_wind", changes=changes).knowing(None)
     return counting.drawn(stated)
 
 
@@ -180,6 +193,22 @@ def test_a_flight_that_turns_back_is_the_same_to_the_bit_until_it_is_ended():
     assert back.signals["phi"].loc[flown.ended_s : flown.ended_s + 2.0].abs().max() > 0.1
     assert np.hypot(*back.signals[["north", "east"]].iloc[-1]) < 10.0
     assert flown.end_s == back.t[-1]
+
+
+@pytest.mark.parametrize("how", ["turn_back", "circle"])
+@pytest.mark.parametrize("legs", [SHORT, RIGHT, LEFT])
+def test_a_flight_has_time_for_its_ending_from_every_place(how, legs):
+    """Twice the time in still air, also where turning to one side takes longest."""
+    flights = replace(ends(how, ended_s=2.0), plan=short_plan(legs))
+    planned = flights.term(0, 2.0, 6.0).plan.scenario
+    given = planned.flight.duration_s - flights.plan.scenario.flight.duration_s
+    path, tables = planned_route(flights.plan.scenario).reference.path, planned.as_dict()
+
+    for at_m in np.linspace(0.0, path.length, 7).tolist():
+        for side in (-1, 1):
+            tables["route"]["ending"] |= {"at_m": at_m, "side": side}
+            ended = planned_route(ft.scenario_from(tables)).reference.path.length - at_m
+            assert given >= 1.9 * ended / 25.0, (at_m, side)  # 2 to a twentieth between places
 
 
 @pytest.mark.slow

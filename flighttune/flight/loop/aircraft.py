@@ -3,7 +3,7 @@
 import math
 from collections.abc import Hashable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ from flighttune.vehicles.plants.weather import Weather
 if TYPE_CHECKING:
     from flighttune.vehicles.compiled.face import CompiledStep
     from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+
+P = TypeVar("P", bound=WrappedPlant | JSBSimPlant)
 
 _G_0_FPS2 = G_0 / FT
 
@@ -234,18 +236,11 @@ def _kept_start(_key: Hashable) -> list[KeptStart]:
     return []
 
 
-def compiled_aircraft(plant: object) -> CompiledAircraft | None:
-    """The compiled aircraft inside a plant, if there is one."""
-    while isinstance(plant, WrappedPlant) and not isinstance(plant, CompiledAircraft):
+def inside(plant: object, kind: type[P]) -> P | None:
+    """The aircraft of that kind inside a plant, if there is one."""
+    while isinstance(plant, WrappedPlant) and not isinstance(plant, kind):
         plant = plant.plant
-    return plant if isinstance(plant, CompiledAircraft) else None
-
-
-def jsbsim_plant(plant: object) -> JSBSimPlant | None:
-    """The JSBSim aircraft inside a plant, if there is one."""
-    while isinstance(plant, WrappedPlant):
-        plant = plant.plant
-    return plant if isinstance(plant, JSBSimPlant) else None
+    return plant if isinstance(plant, kind) else None
 
 
 class NotCompiled(Exception):

@@ -23,12 +23,7 @@ from flighttune.control.controller import (
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.flight.loop.aircraft import (
-    OTHER_LAW,
-    CompiledAircraft,
-    compiled_aircraft,
-    jsbsim_plant,
-)
+from flighttune.flight.loop.aircraft import OTHER_LAW, CompiledAircraft, inside
 from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, Motion, SampledLaw, numbers_of
 from flighttune.flight.loop.measured import measured_of, seen_names
 from flighttune.routes import follow as following
@@ -36,6 +31,7 @@ from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.segments import Reference
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.vehicles.plants.inertial import inertial_errors
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.navigation import ERRORS, Navigation
 from flighttune.vehicles.plants.sensors import N_Z_ERROR, SENSED, DrawnErrors, SensedPlant, Sensors
 from flighttune.vehicles.plants.weather import WIND
@@ -179,14 +175,13 @@ class Flight:
         last = round(duration / dt)
         self._t = t = np.arange(last + 1, dtype=np.float64) * dt
         route = reference if isinstance(reference, following.RouteReference) else None
-        self._errors = None
+        self._errors, expected = None, last + 1
+        if route is not None:
+            expected = round(EXPECTED * route.path.length / (condition.V_a * dt))
+        _set_inertial_errors(plant, navigation, (last + 1) * dt, expected * dt)
         if sensors is not None or navigation is not None:
-            expected = last + 1
-            if route is not None:
-                expected = round(EXPECTED * route.path.length / (condition.V_a * dt))
             followed = _fed_back(controller, plant) is not None
             draw = partial(_errors, sensors, navigation, dt, condition.V_a, followed)
-            _set_inertial_errors(plant, navigation, (last + 1) * dt, expected * dt)
             self._errors = DrawnErrors(draw, last + 1, expected)
             share = 1.0 if navigation is None else navigation.wind_share(dt)
             plant = SensedPlant(plant, self._errors, dt, condition.h, share)
@@ -236,7 +231,7 @@ class Flight:
         (plant, _, condition, _, _), t, controller = self._given, self._t, self._of_matrices
         if "h" not in plant.signals:
             return None
-        aircraft, flown = compiled_aircraft(plant), Flight.flown + len(t)
+        aircraft, flown = inside(plant, CompiledAircraft), Flight.flown + len(t)
         if controller is None:
             if aircraft and flown >= COMPILED_FROM:
                 aircraft.refused = OTHER_LAW
@@ -479,13 +474,14 @@ class Flight:
 def _set_inertial_errors(
     plant: Plant, navigation: Navigation | None, longest: float, expected: float
 ) -> None:
-    """Let the sensors of an aircraft's inner loop err, if `navigation` says so.
+    """Let the sensors of an aircraft's inner loop err only if `navigation` says so.
 
     The flight takes up to the `longest` time (s); errors are drawn for the `expected` time first.
     """
-    if navigation is None or not navigation.inner_loop:
+    if (aircraft := inside(plant, JSBSimPlant)) is None:
         return
-    if (aircraft := jsbsim_plant(plant)) is not None:
+    aircraft.errors = None  # those of an earlier flight
+    if navigation is not None and navigation.inner_loop:
         rate = aircraft.config.inner_loop_rate
         draw = partial(inertial_errors, navigation, rate=rate)
         aircraft.errors = DrawnErrors(draw, math.ceil(longest * rate), math.ceil(expected * rate))

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 import flighttune as ft
+from flighttune.flight.loop.loop import simulate
 from flighttune.vehicles.plants.inertial import INERTIAL, inertial_errors
 
 RATE, G = 200.0, 9.80665
@@ -86,6 +87,28 @@ def test_elevator_and_rudder_are_busier_and_the_path_is_the_same(rate_hz):
     for name in ("elevator", "rudder"):
         assert busy(shaken, name) > 1.5 * busy(steady, name)
     assert np.abs(shaken["chi"] - steady["chi"]).max() < math.radians(0.5)
+
+
+@pytest.mark.slow
+def test_a_plant_that_flies_again_reads_true_rates_again():
+    condition = ft.loop.FlightCondition(V_a=25.0, h=150.0)
+
+    def rudder(plant, navigation):
+        signals, stop = simulate(
+            plant, ft.loop.MimoPI(ft.PAPER_GAINS, plant.limits, dt=0.02),
+            ft.loop.Reference(chi=0.0, gamma=0.0),
+            condition=condition, duration=1.0, navigation=navigation,
+        )  # fmt: skip
+        assert stop is None
+        return signals["rudder"].to_numpy()
+
+    # Four steps of JSBSim at 200 Hz are a sample of 0.02 s.
+    plant, fresh = (ft.loop.JSBSimPlant("aerosonde", steps=4) for _ in range(2))
+    shaken = rudder(plant, standard())
+
+    true = rudder(fresh, None)
+    assert np.array_equal(rudder(plant, None), true)
+    assert not np.array_equal(shaken, true)
 
 
 def test_a_plant_without_an_inner_loop_is_refused():
