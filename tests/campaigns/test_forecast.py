@@ -12,7 +12,7 @@ from plans import plan_file, waypoint
 
 import flighttune as ft
 from flighttune.base.errors import FlightTuneError, InputError
-from flighttune.campaigns.planning.forecast import load_forecast, sector, spread_of
+from flighttune.campaigns.planning.forecast import load_forecast, outwards, sector, spread_of
 
 START = 47.4, 8.5
 
@@ -200,6 +200,13 @@ def test_a_mean_wind_is_drawn_from_two_spreads_to_each_side(tmp_path, spreads, s
 )
 def test_a_sector_is_the_smallest_with_all_angles(angles, ends):
     assert sector(np.asarray(angles)) == ends
+
+
+@pytest.mark.parametrize(
+    ("spread", "whole"), [((3.2, 7.4), (3.0, 8.0)), ((4.0 - 1e-12, 8.0 + 1e-12), (4.0, 8.0))]
+)
+def test_speeds_are_rounded_outwards_but_for_the_rounding_of_a_product(spread, whole):
+    assert outwards(*spread) == whole
 
 
 def bad(change, forecast=forecast):

@@ -126,6 +126,19 @@ def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_sho
     assert not np.any(long == standard(seed=5).errors(1000, DT, V), axis=0)[:10].any()
 
 
+@pytest.mark.parametrize(
+    "pair", [("wind_north", "wind_east"), ("north", "east"), ("v_north", "v_east")]
+)
+def test_errors_to_the_north_and_to_the_east_are_drawn_apart(pair):
+    short = {f"{name}_time_constant": 1.0 for name in ("wind", "position", "velocity")}
+    drawn = standard(seed=1, position_fast_time_constant=1.0, **short).errors(20_000, DT, V)
+
+    north, east = (drawn[:, ERRORS.index(name)] for name in pair)
+
+    # 400 s hold 200 independent values of a time constant of 1 s
+    assert abs(np.corrcoef(north, east)[0, 1]) < 5.0 / math.sqrt(200)
+
+
 @pytest.mark.parametrize("gamma", [-0.3, 0.0, 0.2])
 def test_the_motion_seen_is_the_velocity_with_its_error(gamma):
     chi, V_g, error = 2.8, 21.0, (0.7, -1.1, 0.4)
