@@ -181,7 +181,7 @@ def moved(by, *names):
 ANGLES = ("phi", "theta", "psi", "chi", "phi_cmd")
 OVER_GROUND = ("v_north", "v_east", "v_down")
 FT, KNOT = 0.3048, 0.514444
-NO = r"no factor, shift or exchange|cannot tell"
+NO = r"no factor, shift or exchange|cannot be checked"
 
 
 def track(log):
@@ -259,13 +259,13 @@ ERRORS = {
     "chi magnetic": (lambda x: {"chi": track(x) - np.radians(12)}, r"chi is .*\+12"),
     "V_a of the ground": (
         lambda x: {"V_a": np.hypot(x["v_north"], x["v_east"])},
-        r"cannot tell.*V_a|V_a.*no factor",
+        r"V_a.*cannot be checked|V_a.*no factor",
     ),
-    "V_a times 0.93": (scaled(0.93, "V_a"), r"cannot tell.*V_a|V_a.*0\.93"),
-    "clock times 1.1": (lambda x: {"t_s": 1.1 * x["t_s"]}, r"clock|cannot tell.*time"),
+    "V_a times 0.93": (scaled(0.93, "V_a"), r"V_a.*cannot be checked|V_a.*0\.93"),
+    "clock times 1.1": (lambda x: {"t_s": 1.1 * x["t_s"]}, r"clock|time.*cannot be checked"),
     "V_a and V_g": (
         lambda x: {"V_g": x["V_a"], "V_a": np.hypot(x["v_north"], x["v_east"])},
-        r"V_a and V_g exchanged|cannot tell.*V_a",
+        r"V_a and V_g exchanged|V_a.*cannot be checked",
     ),
     "psi by 90": (lambda x: {"psi": x["psi"] + np.pi / 2}, r"psi.*-9\d"),
 }

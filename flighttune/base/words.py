@@ -1,6 +1,7 @@
 """Numbers and names as text: for sentences, tables and refusals."""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import Any
@@ -91,6 +92,23 @@ def listed(words: Sequence[str], joint: str = "and", most: int | None = None) ->
     if most is not None and len(words) > most:
         words = [*words[:most], f"{len(words) - most} more"]
     return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+# A first word that takes a capital: neither a symbol nor the name of a file, plant or run.
+SYMBOLS = r"(?!(?:chi|gamma|phi|theta|psi|alpha|beta|north|east|down)\b)"
+WORD = re.compile(SYMBOLS + r"[a-z]+(?= (?!/))")
+
+# A command at the end of a note; a full stop would look like part of it.
+COMMAND = re.compile(r"(?<=: )flighttune \w+ \S+(?: --\S+(?: [^-\s]\S*)?)*$")
+
+
+def sentence(note: str) -> str:
+    """A note as a sentence: a capital, unless a symbol or a name begins it, and a full stop."""
+    if not note or COMMAND.search(note):
+        return note
+    note = note.rstrip(". ")
+    end = "" if note.endswith(("?", "!", ":")) else "."
+    return f"{note[:1].upper() if WORD.match(note) else note[:1]}{note[1:]}{end}"
 
 
 def distinct(names: Iterable[str]) -> list[str]:

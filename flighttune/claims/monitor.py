@@ -488,7 +488,12 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
     there = set.intersection(*({*map(str, run.signals)} for run in runs))
     models = watching.models_of(there, watching.OF_LOGS)
     if not models:
-        raise InputError("the logs must have the signals of a model, such as phi and phi_cmd.")
+        lacks = {model.name: sorted(model.signals - there) for model in watching.OF_LOGS}
+        least = min(map(len, lacks.values()))
+        near = [f"{name} lacks {listed(x)}" for name, x in lacks.items() if len(x) == least]
+        raise InputError(
+            f"the logs must have the signals of a residual, got logs in which {'; '.join(near)}."
+        )
     samples = [{*map(bytes, np.round(_used(models, run), DIGITS))} for run in runs]
     for (run, some), (other, others) in combinations(zip(runs, samples, strict=True), 2):
         if len(some & others) > SHARED * min(len(some), len(others)):

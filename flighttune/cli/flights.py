@@ -154,7 +154,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
         tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
         say(f"open {url} in a browser, from elsewhere after: ssh {tunnel} HOST")
     elif url:
-        say(f"no screen here; open {url} in a browser on this machine, Ctrl-C ends it")
+        say(f"There is no screen here. Open {url} in a browser on this machine; Ctrl-C ends it.")
     with on_interrupt(), suppress(KeyboardInterrupt):
         run_viewer(recording, command)
 

@@ -152,7 +152,7 @@ def load_source(
         raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
     if isinstance(recording, Run):
         lacking = recording.provenance.log or {}
-        missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
+        missing = *lacking["missing"], *lacking["gaps"]
         return Source(name=name, runs=(recording,), missing=missing)
     if not isinstance(recording, Recording):
         load_one(name, RUNS)  # this refuses it

@@ -506,12 +506,14 @@ def _say_rest(said: Verdicts, now: _Judgement, given: Given) -> None:
             agree.setdefault(relation.others, []).append(name + ratio)
         if not holds:
             reasons = [match.why for _, match in about if match.why]
-            reason = reasons[0] if reasons else "no other column of the log tells"
+            reason = reasons[0] if reasons else "no other column of the log shows it"
             why.setdefault(reason, []).append(name)
     if agree:
         pairs = (f"{listed(names)} with {others}" for others, names in agree.items())
-        said.notes.append(f"agree: {'; '.join(pairs)}")
-    said.notes.extend(f"cannot tell {listed(names)}: {reason}" for reason, names in why.items())
+        said.notes.append(f"These agree: {'; '.join(pairs)}.")
+    said.notes.extend(
+        f"{listed(names)} cannot be checked: {reason}." for reason, names in why.items()
+    )
 
 
 def _say(said: Verdicts, now: _Judgement, after: _Judgement, k: int, cure: Cure | None) -> None:
@@ -571,7 +573,7 @@ def checked(
     values, notes = completed(raw, dt)
     wrong = list(said.values())
     if t[-1] - t[0] < ENOUGH_S:
-        notes.append(f"cannot tell any column: the log lasts less than {ENOUGH_S:g} s")
+        notes.append(f"No column can be checked: the log lasts less than {ENOUGH_S:g} s.")
     elif "phi" not in said:
         verdicts = judged(*coarse({x: raw[x] for x in raw if x not in said}, dt))
         wrong += verdicts.wrong

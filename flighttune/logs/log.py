@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import shown, toml_tables
@@ -152,7 +153,21 @@ def _named(columns: Sequence[str]) -> str:
     return listed([shown(column) for column in columns], most=MAX_SHOWN)
 
 
+def _gaps(columns: Mapping[str, FloatArray]) -> list[str]:
+    """A sentence on the signals that have gaps."""
+    shares = {name: float(np.mean(np.isnan(values))) for name, values in columns.items()}
+    shares = {name: share for name, share in shares.items() if share >= SMALLEST_GAP}
+    if not shares:
+        return []
+    ends = dict.fromkeys(f"{100.0 * end(shares.values()):.1f}" for end in (min, max))
+    some = listed([*shares], most=MAX_SHOWN)
+    return [f"Gaps of {' to '.join(ends)} % of the time in {some}."]
+
+
 PLANT = "log"  # plant label of a run from a log
+
+# Share of the time from which the gaps of a signal are reported.
+SMALLEST_GAP = 0.0005
 
 
 # Signals whose absence is reported.
@@ -227,12 +242,12 @@ def load_log(
     said = degrees_as_radians(raw)  # before angles are wrapped
     modes = {**_tables()["modes"], "csv": {}}
     named = {**modes["DataFlash"], **modes[kind]} if kind == "MAVLink" else modes[kind]
-    listed, odd = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
+    times, odd = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
     chosen: list[Phase] = []
     if mode:
-        chosen = [phase for phase in listed if phase.name.lower() == mode.lower()]
+        chosen = [phase for phase in times if phase.name.lower() == mode.lower()]
         if not chosen:
-            got = ", ".join(dict.fromkeys(phase.name for phase in listed)) or "no flight mode"
+            got = ", ".join(dict.fromkeys(phase.name for phase in times)) or "no flight mode"
             raise InputError(
                 f"{path}: the part of a log must be START:END in s, or a flight mode of the log, "
                 f"which has {got}, got {mode!r}."
@@ -248,20 +263,17 @@ def load_log(
     notes += [f"{line}, which --column trusted= passes" for line in passed]
     check_flight(str(path), signals, vehicle)
     ordered = [name for name in SIGNAL_UNITS if name in signals]
-    missing = [f"no {name}" for name in WANTED if name not in signals]
+    lacks = [name for name in WANTED if name not in signals]
+    missing = [f"The log has no {listed(lacks, 'or')}."] if lacks else []
     if unread:
         way = "--column NAME=COLUMN:UNIT reads one"
-        missing.append(f"no signal is read from {_named(unread)}; {way}")
-    gaps = [
-        f"{name}: {share:.1%} of the time"
-        for name in ordered
-        if (share := float(np.mean(np.isnan(signals[name][there == 1.0])))) >= 0.0005
-    ]
+        missing.append(f"No signal is read from {_named(unread)}; {way}.")
+    gaps = _gaps({name: signals[name][there == 1.0] for name in ordered})
     table = {
         "file": path.name,
         "kind": kind,
         "from_s": start,
-        "phases": in_words(listed),
+        "phases": in_words(times),
         "odd": odd,
         "missing": missing,
         "gaps": gaps + large,

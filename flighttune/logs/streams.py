@@ -281,16 +281,16 @@ def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
     rises = [(t[1:], np.maximum(np.diff(count), 0.0)) for t, count in clips]
     if count := sum(float(rise.sum()) for _, rise in rises):
         first = min(float(t[rise > 0.0][0]) for t, rise in rises if rise.any())
-        sentences.append(f"accelerometers clipped {count:.0f} times, first at {first:.1f} s")
+        sentences.append(f"The accelerometers clipped {count:.0f} times, first at {first:.1f} s.")
     if len(sizes := np.hstack([events.get(name, NOTHING)[1] for name in VIBRATIONS])):
         most = float(sizes.max())
         end = f", where up to {MAX_VIBRATION:g} is acceptable" if most > MAX_VIBRATION else ""
-        sentences.append(f"vibration of the accelerometers up to {most:.3g} m/s2{end}")
+        sentences.append(f"The accelerometers vibrate by up to {most:.3g} m/s2{end}.")
     if lost := [x for x in _intervals(events.get("fix", NOTHING), last) if x[2] < FIX_3D]:
         total = sum(end - start for start, end, _ in lost)
         sentences.append(
-            f"no position in three dimensions from satellites for {total:.1f} s, first at "
-            f"{lost[0][0]:.1f} s"
+            f"Satellites gave no position in three dimensions for {total:.1f} s, first at "
+            f"{lost[0][0]:.1f} s."
         )
     return sentences
 

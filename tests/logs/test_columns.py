@@ -86,7 +86,7 @@ def test_a_right_log_is_not_accused(log_of, flight):
     log = log_of(RIGHT[flight], 25)
 
     assert log["wrong"] == []
-    assert any(line.startswith("agree: ") for line in log["checks"])
+    assert any(line.startswith("These agree: ") for line in log["checks"])
 
 
 @pytest.mark.counts

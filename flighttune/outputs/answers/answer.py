@@ -16,7 +16,7 @@ from typing import Any
 
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
-from flighttune.base.words import MISSING, interval, matrix, number
+from flighttune.base.words import MISSING, interval, matrix, number, sentence
 
 # Space between two columns.
 GAP = "  "
@@ -302,18 +302,18 @@ class Answer:
         first = self.summary or [self.verdict] * bool(self.verdict)
         head = [line for part in (first, self.changed) for line in (*part, "") if part]
         for line in head:
-            yield fill(line, width, break_long_words=False, break_on_hyphens=False)
+            yield _filled(line, width)
         shown, left_out = self._shown(width)
         for place, text in enumerate(shown):
             yield f"\n{text}" if place else text
         last = "" if any(self.verdict in line for line in first) else self.verdict
-        sentences = [sentence for sentence in (*self.notes, last) if sentence]
+        sentences = [line for line in (*self.notes, last) if line]
         if left_out:
             sentences.append(f"More with --json: {', '.join(left_out)}.")
         if shown and sentences:
             yield ""
-        for sentence in sentences:
-            yield fill(sentence, width, break_long_words=False, break_on_hyphens=False)
+        for line in sentences:
+            yield _filled(line, width)
         if self.command:
             yield self.command
         for key, path in self.files.items():
@@ -350,6 +350,11 @@ class Answer:
             for texts in ((*self.summary, *self.changed), (*self.notes, self.verdict, self.failure))
         )
         return printable("".join([*before, *tables, *after]))
+
+
+def _filled(line: str, width: int) -> str:
+    """A sentence in lines of at most `width` characters; names and commands are whole."""
+    return fill(sentence(line), width, break_long_words=False, break_on_hyphens=False)
 
 
 def _lines(text: str) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG, DEG_PER_RAD
-from flighttune.base.words import pick
+from flighttune.base.words import listed, pick
 from flighttune.gaps.of_log import (
     FACTORS,
     STRETCH_S,
@@ -39,8 +39,10 @@ def answer(gap: LogGap) -> Answer:
     apart = {name: difference(gap.t, gap.logged, flown) for name, flown in gap.flights.items()}
     chi, t = np.abs(np.nan_to_num(apart[gap.aircraft]["chi"])), compared(gap.t, gap.t)
     worst = np.unravel_index(np.argmax(chi), chi.shape)
-    share = f"{', '.join(gap.causes)} together explain {100.0 * gap.explained:.1f} %"
-    causes = share if gap.causes else "the log can tell no cause"
+    names = listed([*gap.causes])
+    verb = "explains" if len(gap.causes) == 1 else "together explain"
+    share = f"{names.capitalize()} {verb} {100.0 * gap.explained:.1f} %"
+    causes = share if gap.causes else "The log can tell no cause"
     ended = [
         f"{name}: {count} of {len(gap.t)} flights ended early, and are compared until then."
         for name, signals in gap.flights.items()
@@ -53,8 +55,8 @@ def answer(gap: LogGap) -> Answer:
         tables=tables(gap, apart),
         notes=[*gap.notes, *no_nose * ("nose" in apart[gap.aircraft]), *seen, *ended],
         verdict=(
-            f"Of the difference between {gap.log} and {gap.aircraft}, {causes}; the course "
-            f"parts most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
+            f"{causes} of the difference between the log {gap.log} and the model {gap.aircraft}. "
+            f"The courses differ most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
         ),
     )
 

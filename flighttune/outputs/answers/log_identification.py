@@ -32,8 +32,8 @@ def answer(found: LogIdentification) -> Answer:
     untold = dict(found.untold)
     if found.identified is None:
         name = next(iter(untold))
-        ask = f"give its bandwidth to be assumed, --assume {name}=RAD_S, or logs that show it"
-        failure = f"{found.title}: {untold[name]}; {ask}"
+        ask = f"assume its bandwidth, --assume {name}=RAD_S, or give logs that show it"
+        failure = f"{untold[name]}; {ask}"
         return Answer(values={"untold": untold}, tables=tables, failure=failure)
     return Answer(
         values={**identified_tables(found.identified), "untold": untold},

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from flighttune.base.answering import Answering
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
+from flighttune.base.words import COMMAND
+from flighttune.base.words import sentence as in_words
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.drawing import chart
 from flighttune.outputs.drawing.chart import Chart
@@ -58,17 +60,10 @@ PARTS = (
 # The end of one sentence of a note and the beginning of the next.
 SENTENCES = re.compile(r"(?<=[\w)])\. (?=[A-Z])")
 
-# A first word that takes a capital: neither a symbol nor the name of a file, plant or run.
-WORD = re.compile(r"[a-z]+(?=[,;:]? (?!/))")
-
-# A command at the end of a note; a full stop would look like part of it.
-COMMAND = re.compile(r"(?<=: )flighttune \w+ \S+(?: --\S+(?: [^-\s]\S*)?)*$")
-
 
 def sentence(note: str) -> str:
     """A terminal's note as a sentence of a page."""
-    note = COMMAND.sub(lambda command: f"`{command[0]}`", note.rstrip(". "))
-    return f"{note[:1].upper() if WORD.match(note) else note[:1]}{note[1:]}."
+    return in_words(COMMAND.sub(lambda command: f"`{command[0]}`", note.rstrip(". ")))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,8 +107,7 @@ def write_log_page(
     )
     notes = [
         *summary,
-        *(line for key in ("phases", "odd", "checks") for line in stated[key]),
-        *(f"missing: {line}" for line in source.missing),
+        *(line for key in ("phases", "odd", "checks", "missing", "gaps") for line in stated[key]),
     ]
     values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
     shown = Answer(values=values, notes=notes, failure=failure or next(iter(unclaimed), ""))
@@ -179,9 +178,8 @@ def write_report(source: compare.Source, path: Path) -> Report:
         first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
         version=origin.versions.get("flighttune", ""),
     )
-    notes = [*first, *gains_notes(runs), *around.notes]
-    shown = _shown(source, page, around, notes)
-    return replace(page, shown=replace(shown, summary=(*lacks, *around.summary)))
+    shown = _shown(source, page, around, [*gains_notes(runs), *around.notes])
+    return replace(page, shown=replace(shown, summary=(*lacks, *around.summary, *first)))
 
 
 def _of_one_scenario(source: compare.Source) -> list[Run]:

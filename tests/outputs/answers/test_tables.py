@@ -145,7 +145,7 @@ def test_an_answer_begins_with_its_sentence_and_has_few_lines_of_tables():
     lines = "\n".join(answer.text(80)).splitlines()
 
     assert lines[:4] == ["It is so.", "", "Not covered: y.", ""]
-    assert lines.index("z") - 1 - 4 == TABLE_LINES
+    assert lines.index("z.") - 1 - 4 == TABLE_LINES
     assert lines[-1] == "More with --json: 13 of 30 rows, later, x."
     assert lines.count("It is so.") == 1
     assert "29" in "\n".join(replace(answer, whole=True).text(80)).split()
