@@ -247,7 +247,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         What autopilots know of their motion: a grade of ``[navigation]``, by default that of the
         source, else along a route a standard receiver and inertial unit.
     wind : str or Path, optional
-        Forecast of Open-Meteo (.json, .csv), also ``FILE@TIME`` or ``FILE@FROM/TO`` by its clock:
+        Forecast of Open-Meteo (.json, .csv) or NetCDF (.nc, classic, u100 and v100 of a grid at
+        heights over ground), also ``FILE@TIME`` or ``FILE@FROM/TO`` by its clock:
         each flight draws its wind from the forecast's range at the mission's heights over all
         members and these times, instead of 0 to 8 m/s from anywhere.
     out : str or Path, optional

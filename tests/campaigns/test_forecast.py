@@ -5,10 +5,13 @@ The format: https://open-meteo.com/en/docs and https://open-meteo.com/en/docs/en
 
 import json
 import math
+from contextlib import suppress
+from itertools import product
 
 import numpy as np
 import pytest
 from plans import plan_file, waypoint
+from scipy.io import netcdf_file
 
 import flighttune as ft
 from flighttune.base.errors import FlightTuneError, InputError
@@ -156,6 +159,98 @@ def test_a_pressure_that_is_lower_at_an_hour_has_its_wind_there(tmp_path):
     least, _ = spread_of(f"{file}@2026-11-29T01:00", START, (80.0, 80.0)).speed_mps
     # By hand: 9 m/s at 60 m and 11 m/s at 120 m.
     assert least == pytest.approx(9.0 + 2.0 * 20.0 / 60.0, abs=SPEED)
+
+
+def netcdf(path, change=lambda file: None, unit="hours since 2026-11-29 00:00:00.0"):
+    """The members of `forecast` at 80 and 120 m in a file of SciPy's, packed as ERA5 packs them.
+
+    At the grid points that are not next to `START` the wind is 30 m/s.
+    """
+    with netcdf_file(path, "w") as file:
+        for name, values in (
+            ("time", [0, 1, 2]), ("number", [0, 1]),
+            ("latitude", [47.75, 47.5, 47.25]), ("longitude", [8.25, 8.5, 8.75, 9.0]),
+        ):  # fmt: skip
+            file.createDimension(name, None if name == "time" else len(values))
+            file.createVariable(name, "i" if name == "time" else "d", (name,))[:] = values
+        file.variables["time"].units = unit
+        for level, part in product((80, 120), "uv"):
+            wind = file.createVariable(f"{part}{level}", "h", tuple(file.dimensions))
+            wind.units, wind.scale_factor, wind.add_offset = "m s**-1", 0.002, 1.0
+            for hour, member in product(range(3), range(2)):
+                speed = 4.0 + hour + 2.0 * member + 0.05 * level
+                blows = math.radians(250.0 + 10.0 * member + 180.0)
+                here = speed * (math.sin(blows) if part == "u" else math.cos(blows))
+                packed = np.full((3, 4), 30.0)
+                packed[1, 1] = here
+                wind[hour, member] = np.round((packed - 1.0) / 0.002).astype("h")
+        change(file)
+    return path
+
+
+@pytest.mark.parametrize(
+    "unit", ["hours since 2026-11-29 00:00:00.0", "hours since 2026-11-29T01:00+01:00"]
+)
+def test_netcdf_has_the_wind_of_the_grid_point_next_to_the_mission(tmp_path, unit):
+    file = netcdf(tmp_path / "f.nc", unit=unit)
+
+    found, expected = load_forecast(file, START), load_forecast(written_forecast(tmp_path), START)
+
+    assert found.place == (47.5, 8.5)
+    assert [*found.times] == [*expected.times]
+    assert found.levels == pytest.approx(expected.levels)
+    assert found.wind == pytest.approx(expected.wind, abs=0.002)  # as packed
+    assert found.kind == "2 members"
+
+
+def written_forecast(folder):
+    return written(folder / "f.json", forecast())
+
+
+def without(name):
+    return lambda file: file.variables.pop(name)
+
+
+def with_unit(name, unit):
+    return lambda file: setattr(file.variables[name], "units", unit)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (without("v80"), "must have `v80` with `u80`, got none"),
+        (without("latitude"), "`latitude` must be an axis of numbers, got none"),
+        (with_unit("u80", "knots"), "`u80` must be in m s-1, got 'knots'"),
+        (with_unit("time", "hours"), "`time` must be in hours since 2026-11-29 00:00 or alike"),
+        (with_unit("time", "days since noon"), "`time` must be in hours since"),
+    ],
+)
+def test_bad_netcdf_is_refused_in_a_line_that_names_the_file(tmp_path, change, words):
+    file = netcdf(tmp_path / "f.nc", change)
+    with pytest.raises(InputError) as caught:
+        load_forecast(file, START)
+    said = str(caught.value)
+    assert said.startswith(f"{file}: ")
+    assert words in said
+    assert "\n" not in said
+
+
+def test_netcdf_4_is_refused_with_the_cure_and_a_damaged_file_in_a_line(tmp_path):
+    file = tmp_path / "f.nc"
+    file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
+    with pytest.raises(InputError, match=r"f.nc: .* got NetCDF 4: `nccopy -k classic f.nc OUT.nc`"):
+        load_forecast(file)
+    whole = netcdf(file).read_bytes()
+    file.write_bytes(whole[:900])
+    with pytest.raises(InputError, match=r"f.nc: must be a whole file of NetCDF classic"):
+        load_forecast(file)
+    rng = np.random.default_rng(1)
+    for _ in range(60):  # another byte in its header, and another end
+        bad = bytearray(whole[: rng.integers(4, len(whole))])
+        bad[rng.integers(0, min(len(bad), 900))] = rng.integers(0, 256)
+        file.write_bytes(bad)
+        with suppress(InputError):
+            load_forecast(file, START)
 
 
 def mean_and(spreads, from_deg=250.0, speed=8.0):
@@ -306,7 +401,7 @@ def test_bad_input_is_refused_in_a_line_that_names_the_file(tmp_path, case):
         ("f.json", "@noon", "must be TIME or FROM/TO"),
         ("f.json", "@2026-11-29T02:00/2026-11-29T01:00", "must be TIME or FROM/TO"),
         ("f.json", "@2026-11-30T02:00", "`time` must reach over 2026-11-30T02:00"),
-        ("f.txt", "", "must be a forecast .json or .csv"),
+        ("f.txt", "", "must be a forecast .json, .csv or .nc"),
         ("f.csv", "", "must begin with lines of latitude"),
         ("no.json", "", "must be readable"),
     ],

@@ -1,4 +1,4 @@
-"""The spread of a forecast of wind along a route: JSON and CSV of Open-Meteo, read strictly.
+"""The spread of a forecast of wind along a route: Open-Meteo's JSON and CSV, and NetCDF.
 
 Wind speed and direction hour by hour, in the unit of ``hourly_units``:
 
@@ -28,6 +28,7 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.table import abridged, file_text, json_tables
 from flighttune.base.units import DEG
+from flighttune.campaigns.planning.netcdf import netcdf_tables
 from flighttune.routes.maps import LatLon, json_number, json_part, north_east
 
 # Names of a quantity at a height over ground, m, or a pressure, hPa, of a member of an ensemble or
@@ -190,17 +191,20 @@ def spread_of(source: str | Path, start: LatLon, over_ground: tuple[float, float
     """The spread of a forecast, ``FILE`` or ``FILE@TIMES``, at a mission's heights (m)."""
     text = str(source)
     file, _, during = (text, "", "") if Path(text).exists() else text.rpartition("@")
-    forecast = load_forecast(file or text)
+    forecast = load_forecast(file or text, start)
     with naming(file or text):
         return forecast.spread(start, over_ground, during)
 
 
-def load_forecast(path: str | Path) -> WindForecast:
-    """Read a forecast of wind; InputError names file and key."""
-    file = Path(path)
-    if file.suffix.lower() not in (".json", ".csv"):
-        raise InputError(f"{file}: must be a forecast .json or .csv, got {file.suffix}.")
-    tables = json_tables(file) if file.suffix.lower() == ".json" else _csv_tables(file)
+def load_forecast(path: str | Path, near: LatLon | None = None) -> WindForecast:
+    """Read a forecast of wind, of a grid next to a place; InputError names file and key."""
+    file, kind = Path(path), Path(path).suffix.lower()
+    if kind not in (".json", ".csv", ".nc"):
+        raise InputError(f"{file}: must be a forecast .json, .csv or .nc, got {file.suffix}.")
+    if kind == ".nc":
+        tables = netcdf_tables(file, near)
+    else:
+        tables = json_tables(file) if kind == ".json" else _csv_tables(file)
     with naming(file):
         hourly, units = (json_part(tables, key, dict) for key in ("hourly", "hourly_units"))
         lat, lon = (json_number(tables.get(key), f"`{key}`") for key in ("latitude", "longitude"))
