@@ -51,7 +51,6 @@ from flighttune.flight.models import law_model
 from flighttune.flight.route import planned_route
 from flighttune.gaps.compare import load_source
 from flighttune.logs.parameters import flown_now
-from flighttune.outputs.recording.record import record
 from flighttune.routes.fence import fence_tables, read_fence
 from flighttune.routes.maps import ground_at
 from flighttune.routes.mission import read_route
@@ -547,7 +546,7 @@ def logged(write, name):
 
 def recorded(folder):
     """A recording of one short flight."""
-    record(of_a_turn(), folder, name="x")
+    ft.record(of_a_turn(), folder, name="x")
     return (folder / "x.rrd").read_bytes()
 
 

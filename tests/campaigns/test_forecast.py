@@ -14,7 +14,6 @@ from plans import plan_file, waypoint
 from scipy.io import netcdf_file
 
 import flighttune as ft
-from flighttune.base.errors import FlightTuneError, InputError
 from flighttune.campaigns.planning.forecast import load_forecast, outwards, sector, spread_of
 
 START = 47.4, 8.5
@@ -91,7 +90,7 @@ def test_a_level_that_does_not_matter_may_lack_values(tmp_path):
     file = written(tmp_path / "f.json", tables)
 
     assert spread_of(file, START, (120.0, 120.0)).speed_mps == pytest.approx((10.0, 14.0))
-    with pytest.raises(InputError, match="must be numbers, got null"):
+    with pytest.raises(ft.InputError, match="must be numbers, got null"):
         spread_of(file, START, (110.0, 120.0))
 
 
@@ -347,7 +346,7 @@ BAD_PRESSURES = {
 def test_bad_pressure_levels_are_refused_in_a_line(tmp_path, case):
     change, words = BAD_PRESSURES[case]
     file = written(tmp_path / "f.json", bad(change, at_pressures))
-    with pytest.raises(FlightTuneError) as caught:
+    with pytest.raises(ft.FlightTuneError) as caught:
         spread_of(file, START, (100.0, 100.0))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -359,7 +358,7 @@ def test_a_forecast_of_more_winds_than_any_has_is_refused(tmp_path):
     columns |= {name: column * hours for name, column in columns.items()}
     columns["time"] = [1795906800 + 3600 * i for i in range(hours)]
     file = written(tmp_path / "f.json", tables)
-    with pytest.raises(InputError, match="`hourly` must have at most 500000 winds, got 518000"):
+    with pytest.raises(ft.InputError, match="`hourly` must have at most 500000 winds, got 518000"):
         spread_of(file, START, (90.0, 100.0))
 
 
@@ -377,7 +376,7 @@ def test_a_forecast_of_more_winds_than_any_has_is_refused(tmp_path):
 )
 def test_bad_spreads_are_refused_in_a_line(tmp_path, spreads, words):
     file = written(tmp_path / "f.json", mean_and(spreads))
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ft.InputError, match=words):
         spread_of(file, START, (90.0, 100.0))
 
 
@@ -386,7 +385,7 @@ def test_bad_input_is_refused_in_a_line_that_names_the_file(tmp_path, case):
     change, words = BAD[case]
     file = written(tmp_path / "f.json", bad(change))
 
-    with pytest.raises(FlightTuneError) as caught:
+    with pytest.raises(ft.FlightTuneError) as caught:
         spread_of(file, START, (100.0, 100.0))
 
     said = str(caught.value)
@@ -410,7 +409,7 @@ def test_times_and_files_that_do_not_fit_are_refused(tmp_path, name, times, word
     for file in ("f.json", "f.txt", "f.csv"):
         written(tmp_path / file, forecast())
 
-    with pytest.raises(FlightTuneError, match=words) as caught:
+    with pytest.raises(ft.FlightTuneError, match=words) as caught:
         spread_of(f"{tmp_path / name}{times}", START, (100.0, 100.0))
     assert str(tmp_path / name) in str(caught.value)
 
@@ -466,11 +465,11 @@ def test_the_answer_and_the_claim_of_a_mission_name_the_wind_and_its_forecast(tm
     words = f"from {file}, 2026-11-29 01:00 UTC (2 members): 9 to 11 m/s from 250 to 260 deg."
     assert any(line.endswith(words) for line in answer.changed)
     assert "in the wind of f.json of 2026-11-29 01:00 UTC" in odds.band.sentence
-    with pytest.raises(InputError, match="`wind` must be absent for a band"):
+    with pytest.raises(ft.InputError, match="`wind` must be absent for a band"):
         ft.mission(odds.band, wind=file)
 
 
 def test_a_scenario_without_drawn_flights_takes_no_forecast(tmp_path):
     file = written(tmp_path / "f.json", forecast())
-    with pytest.raises(InputError, match="`wind` must be with a mission"):
+    with pytest.raises(ft.InputError, match="`wind` must be with a mission"):
         ft.flights("circuit").in_wind(file)

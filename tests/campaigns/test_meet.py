@@ -26,7 +26,7 @@ from flighttune.flight.entry import entry_of
 from flighttune.flight.metrics import measures
 from flighttune.outputs.answers.meeting import sentence
 from flighttune.outputs.pages.meet import _range, write_meet_page
-from flighttune.studies.meet import Search, _count, flights_to_meet
+from flighttune.studies import meet
 from flighttune.studies.meeting import Trial
 
 pytestmark = pytest.mark.slow
@@ -303,7 +303,7 @@ def test_gains_that_never_settle_rank_behind_those_that_settle_late():
     late = scenario(at_most(settling_s=2.0))  # 6.1 s with K*
     weak = ft.PIGains(K_P=0.3 * ft.PAPER_GAINS.K_P, K_I=0.003 * ft.PAPER_GAINS.K_I)
     with one_worker() as pool:
-        search = Search([flights_to_meet(late, late.law_tables[0])], late.laws[0], pool)
+        search = meet.Search([meet.flights_to_meet(late, late.law_tables[0])], late.laws[0], pool)
         never, paper = search.fly([weak, ft.PAPER_GAINS])
 
     assert np.isnan(never.checks[0][0].value)
@@ -319,7 +319,9 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
     assert ends[1] > 2.0 * ends[0]
     for both in ((overshoot, short), (short, overshoot)):
         with one_worker() as pool:
-            search = Search([flights_to_meet(x, x.law_tables[0]) for x in both], law, pool)
+            search = meet.Search(
+                [meet.flights_to_meet(x, x.law_tables[0]) for x in both], law, pool
+            )
             (trial,) = search.fly([ft.PAPER_GAINS])
         assert trial.ends["chi"] == pytest.approx(max(ends), abs=1e-9)
 
@@ -327,7 +329,7 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with one_worker() as pool:
-        search = Search([flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
+        search = meet.Search([meet.flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
         unstable, same = search.fly([UNSTABLE, ft.PAPER_GAINS])
         once = search.flights
         search.fly([ft.PAPER_GAINS])
@@ -532,9 +534,11 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     file.write_text(text + "[[success]]\nat_most.chi.peak_rad = 1.0\n")
     level = {"flight.duration_s": 1.0, "reference.chi_deg": 0.0, "reference.gamma_deg": 0.0}
     table = ft.load_campaign(file, changes=level)
-    flights = flights_to_meet(table.nominal, table.nominal.law_tables[0], table)
+    flights = meet.flights_to_meet(table.nominal, table.nominal.law_tables[0], table)
     with one_worker() as pool:
-        (trial,) = Search([flights], table.nominal.laws[0], pool, draws=3).fly([ft.PAPER_GAINS])
+        (trial,) = meet.Search([flights], table.nominal.laws[0], pool, draws=3).fly(
+            [ft.PAPER_GAINS]
+        )
 
     assert len({checks[0].value for checks in trial.checks}) == len(trial.excess) == 3
 
@@ -641,7 +645,8 @@ def test_the_share_of_gains_is_counted_on_draws_that_did_not_choose_them(draws, 
 
     sets = ft.PAPER_GAINS, ft.PAPER_GAINS
     reached = sum(
-        _count(Drawn(), sets, share, False)[1]["statuses"][0] == "met" for _ in range(campaigns)
+        meet._count(Drawn(), sets, share, False)[1]["statuses"][0] == "met"
+        for _ in range(campaigns)
     )
 
     met = np.arange(draws + 1)

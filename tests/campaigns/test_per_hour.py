@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from flighttune.base.errors import InputError
-from flighttune.campaigns.statistics.per_hour import Count, Exposure, hourly_bound
+import flighttune as ft
+from flighttune.campaigns.statistics import per_hour
 
 ROUNDING = 1e-9
 
@@ -18,10 +18,15 @@ def clopper_pearson(outside, flights, alpha):
 
 
 def test_the_bound_is_rates_times_shares_over_hours():
-    exposure = Exposure(shortest_s=1800.0, window_s=2160.0, cap_s=3600.0, flights=500)
-    faults = [(1e-3, Count(outside=4, flights=100)), (2e-4, Count(outside=0, flights=60))]
+    exposure = per_hour.Exposure(shortest_s=1800.0, window_s=2160.0, cap_s=3600.0, flights=500)
+    faults = [
+        (1e-3, per_hour.Count(outside=4, flights=100)),
+        (2e-4, per_hour.Count(outside=0, flights=60)),
+    ]
 
-    bound = hourly_bound(Count(outside=1, flights=500), faults, exposure, confidence=0.95)
+    bound = per_hour.hourly_bound(
+        per_hour.Count(outside=1, flights=500), faults, exposure, confidence=0.95
+    )
 
     alpha = 0.05 / 5  # healthy flights, shortest, longest, two faults
     odd = clopper_pearson(0, 500, alpha)
@@ -55,20 +60,22 @@ def test_5000_made_up_aircraft_exceed_the_bound_no_more_often_than_the_confidenc
         p_0 = 10.0 ** rng.uniform(-3.0, -1.0)
         low, high = np.sort(rng.uniform(0.2, 1.0, 2)).tolist()
         durations = rng.uniform(low, high, 200)
-        healthy = Count(outside=int(rng.binomial(200, p_0)), flights=200)
+        healthy = per_hour.Count(outside=int(rng.binomial(200, p_0)), flights=200)
         window, cap = durations.max(), high
         # A fault later than the end of a flight changes nothing.
         counts = []
         for share in shares:
             struck = rng.uniform(0.0, window, 60) < rng.uniform(low, high, 60)
-            counts.append(Count(outside=int(np.sum(struck & (rng.random(60) < share))), flights=60))
-        exposure = Exposure(
+            counts.append(
+                per_hour.Count(outside=int(np.sum(struck & (rng.random(60) < share))), flights=60)
+            )
+        exposure = per_hour.Exposure(
             shortest_s=3600.0 * durations.min(),
             window_s=3600.0 * window,
             cap_s=3600.0 * cap,
             flights=200,
         )
-        bound = hourly_bound(
+        bound = per_hour.hourly_bound(
             healthy, list(zip(rates, counts, strict=True)), exposure, confidence=CONFIDENCE
         )
         true = exits_per_hour(p_0, rates, shares, np.linspace(low, high, 200))
@@ -77,11 +84,11 @@ def test_5000_made_up_aircraft_exceed_the_bound_no_more_often_than_the_confidenc
 
 
 def test_every_count_for_a_later_ending_costs_confidence():
-    exposure = Exposure(shortest_s=1800.0, window_s=1900.0, cap_s=3600.0, flights=500)
+    exposure = per_hour.Exposure(shortest_s=1800.0, window_s=1900.0, cap_s=3600.0, flights=500)
     few, more = (
-        hourly_bound(
-            Count(outside=0, flights=500),
-            [(1e-3, Count(outside=0, flights=60))],
+        per_hour.hourly_bound(
+            per_hour.Count(outside=0, flights=500),
+            [(1e-3, per_hour.Count(outside=0, flights=60))],
             exposure,
             confidence=0.95,
             more=n,
@@ -98,7 +105,7 @@ def test_the_mean_duration_is_bounded_by_an_order_statistic():
         # One flight in 30 ends early, all others last 0.9 to 1 h.
         durations = np.where(rng.random(200) < 1 / 30, 0.01, rng.uniform(0.9, 1.0, 200))
         ordered = 3600.0 * np.sort(durations)
-        exposure = Exposure(
+        exposure = per_hour.Exposure(
             shortest_s=ordered[10], window_s=ordered[-1], cap_s=3600.0, flights=200, shorter=10
         )
         missed += exposure.hours(CONFIDENCE) > 0.01 / 30 + 0.95 * 29 / 30
@@ -107,6 +114,6 @@ def test_the_mean_duration_is_bounded_by_an_order_statistic():
 
 
 def test_durations_must_be_in_order():
-    exposure = Exposure(shortest_s=2000.0, window_s=1900.0, cap_s=3600.0, flights=500)
-    with pytest.raises(InputError, match=r"`shortest_s` must be positive and at most 1900 s"):
-        hourly_bound(Count(outside=0, flights=500), [], exposure, confidence=0.95)
+    exposure = per_hour.Exposure(shortest_s=2000.0, window_s=1900.0, cap_s=3600.0, flights=500)
+    with pytest.raises(ft.InputError, match=r"`shortest_s` must be positive and at most 1900 s"):
+        per_hour.hourly_bound(per_hour.Count(outside=0, flights=500), [], exposure, confidence=0.95)

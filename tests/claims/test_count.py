@@ -10,8 +10,8 @@ from scipy.stats import binom, binomtest, hypergeom
 
 import flighttune as ft
 from flighttune.campaigns.statistics import count
+from flighttune.claims import mission
 from flighttune.claims.ending import Fixed
-from flighttune.claims.mission import CONFIDENCE, EPSILON, OUTSIDE
 
 
 def test_sample_sizes_are_the_published_ones():
@@ -58,9 +58,9 @@ def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
 def test_a_mission_counts_the_fewest_flights_of_which_two_may_be_outside(claims, flights):
     """1 % at 0.95 for all claims: own sums of the binomial distribution, also printed as help."""
     share = 0.05 / claims
-    ending = Fixed.enough(None, EPSILON, 1.0 - share, outside=OUTSIDE)
+    ending = Fixed.enough(None, mission.EPSILON, 1.0 - share, outside=mission.OUTSIDE)
 
-    assert (EPSILON, CONFIDENCE, ending.flights) == (0.01, 0.95, flights)
+    assert (mission.EPSILON, mission.CONFIDENCE, ending.flights) == (0.01, 0.95, flights)
     assert binom.cdf(2, flights, 0.01) <= share < binom.cdf(2, flights - 1, 0.01)
     assert ending.allowed(flights) == 2
     for outside in range(3):

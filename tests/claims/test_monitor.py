@@ -10,7 +10,6 @@ from plans import plan_file, waypoint
 from watched import flown, stuck, turn
 
 import flighttune as ft
-from flighttune.base.errors import InputError
 from flighttune.claims import counting, mission
 from flighttune.claims.rates_keys import load_rates
 
@@ -134,5 +133,7 @@ def test_a_monitor_of_a_mission_with_another_aircraft_ends_its_flights_and_no_ot
         return mission._alarms(rates, load_rates(rates), plan)
 
     assert len(alarms("c172p").models) == 8
-    with pytest.raises(InputError, match="must be of the aircraft, law and gains of the mission"):
+    with pytest.raises(
+        ft.InputError, match="must be of the aircraft, law and gains of the mission"
+    ):
         alarms("aerosonde")

@@ -10,15 +10,11 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.base.errors import InputError, ScenarioError
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import scenario_of_run
-from flighttune.claims import counting, mission
-from flighttune.claims.hourly_flights import Ends, FlownTerm, check_rates
+from flighttune.claims import counting, hourly_flights, mission, per_hour, rates_keys
 from flighttune.claims.leaving import Alarms, Volume
-from flighttune.claims.per_hour import PerHour, count_per_hour, load_per_hour
-from flighttune.claims.rates_keys import KINDS, HowEnded, RatesTable, load_rates
 from flighttune.flight.route import planned_route
 from flighttune.gaps.watch import SignalModel
 from flighttune.outputs.answers import per_hour as answers
@@ -74,15 +70,15 @@ RIGHT, LEFT = (
 def test_a_bad_fault_is_refused_in_one_line(tmp_path, fault, line):
     file = tmp_path / "rates.toml"
     file.write_text(f"[[fault]]\n{fault}")
-    with pytest.raises(ScenarioError, match=line) as refused:
-        load_rates(file)
+    with pytest.raises(ft.ScenarioError, match=line) as refused:
+        rates_keys.load_rates(file)
     assert "\n" not in str(refused.value)
     assert str(file) in str(refused.value)
 
 
 def rates(**fault):
     stated = {"kind": "engine", "per_hour": 0.1, "source": "a log", "flights": 6, **fault}
-    return RatesTable.model_validate({"flights": 8, "fault": [stated]})
+    return rates_keys.RatesTable.model_validate({"flights": 8, "fault": [stated]})
 
 
 @pytest.mark.parametrize(
@@ -90,7 +86,7 @@ def rates(**fault):
 )
 def test_a_fault_names_what_is_flown_then(own, words):
     stated = rates(ended_s=5.0, **own).model_dump(exclude_none=True)
-    table = RatesTable.model_validate({**stated, "ending": {"kind": "glide"}})
+    table = rates_keys.RatesTable.model_validate({**stated, "ending": {"kind": "glide"}})
     assert table.name_of(0, 5.0) == f"engine, {words}"
     assert table.name_of(None, None) == "healthy flight"
 
@@ -103,19 +99,21 @@ def short_plan(changes=SHORT):
 def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
     stated = ft.flights("circuit_in_wind_x8").knowing(None)
     plan = counting.drawn(stated)
-    with pytest.raises(InputError, match="rudder_stuck: it has no rudder"):
-        check_rates(plan, rates(kind="rudder_stuck"))
+    with pytest.raises(ft.InputError, match="rudder_stuck: it has no rudder"):
+        hourly_flights.check_rates(plan, rates(kind="rudder_stuck"))
 
 
 def test_a_surface_cannot_be_stuck_beyond_its_travel():
-    with pytest.raises(InputError, match=r"`stuck_deg` of aileron_stuck must lie in the travel"):
-        check_rates(short_plan(), rates(kind="aileron_stuck", stuck_deg=[0.0, 40.0]))
+    with pytest.raises(ft.InputError, match=r"`stuck_deg` of aileron_stuck must lie in the travel"):
+        hourly_flights.check_rates(short_plan(), rates(kind="aileron_stuck", stuck_deg=[0.0, 40.0]))
 
 
 def test_a_law_that_does_not_hold_the_airspeed_cannot_glide():
-    table = RatesTable.model_validate({**rates().model_dump(), "ending": {"kind": "glide"}})
-    with pytest.raises(InputError, match="`speed_priority` must be true"):
-        check_rates(short_plan(), table)
+    table = rates_keys.RatesTable.model_validate(
+        {**rates().model_dump(), "ending": {"kind": "glide"}}
+    )
+    with pytest.raises(ft.InputError, match="`speed_priority` must be true"):
+        hourly_flights.check_rates(short_plan(), table)
 
 
 def box(half):
@@ -133,7 +131,9 @@ def test_margins_are_distances_to_the_sides_and_the_top():
 @pytest.mark.slow
 def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
     wide, narrow = (
-        count_per_hour(short_plan(), rates(), box(half), confidence=0.9, fliers=Fliers(workers=1))
+        per_hour.count_per_hour(
+            short_plan(), rates(), box(half), confidence=0.9, fliers=Fliers(workers=1)
+        )
         for half in (1e4, 100.0)
     )
     # From the middle of the box, the route of 300 m leaves it after 100 m: 3.0 to 6.0 s at 25 m/s
@@ -145,7 +145,7 @@ def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
 
     file = tmp_path / "hours.json"
     narrow.save(file)
-    loaded = load_per_hour(file)
+    loaded = per_hour.load_per_hour(file)
     assert loaded.bound == narrow.bound
     assert ft.verify(file, count=2, workers=1).valid
 
@@ -160,20 +160,26 @@ def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
 def test_flights_fewer_than_stated_are_refused(tmp_path):
     file = Path(tmp_path, "hours.json")
     claim = dict.fromkeys(("rates", "confidence", "plan", "volume", "terms", "later"))
-    claim |= {"format": PerHour.FORMAT, "units": dict(PerHour.UNITS), "confidence": 0.9}
+    claim |= {
+        "format": per_hour.PerHour.FORMAT,
+        "units": dict(per_hour.PerHour.UNITS),
+        "confidence": 0.9,
+    }
     claim |= {"rates": rates().model_dump(mode="json", exclude_none=True), "plan": {}, "later": []}
     claim |= {"volume": {"rings": [], "outside": [], "low": None, "high": None}}
     term = {"fault": None, "ended_s": None, "left_s": [-1.0], "end_s": [9.0], "ended_at_s": [-1.0]}
     claim["terms"] = [term]
     file.write_text(json.dumps(claim))
-    with pytest.raises(ScenarioError, match="`terms` must be the flights that `rates` states"):
-        load_per_hour(file)
+    with pytest.raises(ft.ScenarioError, match="`terms` must be the flights that `rates` states"):
+        per_hour.load_per_hour(file)
 
 
 def ends(how, alarms=None, **fault):
     stated = rates(kind="link_lost", **fault).model_dump(exclude_none=True)
-    table = RatesTable.model_validate({**stated, "ending": {"kind": how, "fall_per_height": 0.0}})
-    return Ends(plan=short_plan(), rates=table, volume=box(1e4), alarms=alarms)
+    table = rates_keys.RatesTable.model_validate(
+        {**stated, "ending": {"kind": how, "fall_per_height": 0.0}}
+    )
+    return hourly_flights.Ends(plan=short_plan(), rates=table, volume=box(1e4), alarms=alarms)
 
 
 @pytest.mark.slow
@@ -228,7 +234,7 @@ def test_the_first_alarm_of_a_monitor_ends_any_flight(how):
 def test_a_monitor_is_a_file_of_flights_of_the_aircraft(tmp_path):
     file = tmp_path / "rates.toml"
     file.write_text(f'[ending]\nmonitor = "none.npz"\n[[fault]]\n{FAULT}')
-    with pytest.raises(InputError, match=r"none\.npz"):
+    with pytest.raises(ft.InputError, match=r"none\.npz"):
         ft.mission("circuit_in_wind", changes=SHORT, turn_back=30.0, rates=file)
 
 
@@ -236,10 +242,14 @@ def test_a_monitor_is_a_file_of_flights_of_the_aircraft(tmp_path):
 def test_a_few_flights_that_end_early_do_not_shorten_the_exposure(alarms, early, shortest_s):
     ends = tuple([5.0] * early + [90.0] * (200 - early))
     inside = (-1.0,) * 200
-    healthy = FlownTerm(fault=None, ended_s=None, left_s=inside, end_s=ends, ended_at_s=inside)
-    struck = FlownTerm(fault=0, ended_s=None, left_s=inside, end_s=ends, ended_at_s=inside)
+    healthy = hourly_flights.FlownTerm(
+        fault=None, ended_s=None, left_s=inside, end_s=ends, ended_at_s=inside
+    )
+    struck = hourly_flights.FlownTerm(
+        fault=0, ended_s=None, left_s=inside, end_s=ends, ended_at_s=inside
+    )
     stated = rates(flights=200).model_copy(update={"flights": 200})
-    hourly = PerHour(
+    hourly = per_hour.PerHour(
         rates=stated.model_dump(mode="json", exclude_none=True),
         confidence=0.9,
         plan={"nominal": {"flight": {"duration_s": 100.0}}},
@@ -256,16 +266,16 @@ def test_a_few_flights_that_end_early_do_not_shorten_the_exposure(alarms, early,
 
 
 def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
-    assert {*answers.FAULTS} == {*KINDS}
-    assert {*answers.ENDINGS} == {*get_args(HowEnded)}
+    assert {*answers.FAULTS} == {*rates_keys.KINDS}
+    assert {*answers.ENDINGS} == {*get_args(rates_keys.HowEnded)}
     inside, two_left = (-1.0,) * 300, (-1.0,) * 200 + (4.0,) * 100
     numbers = {"end_s": (90.0,) * 300, "ended_at_s": inside}
-    healthy = FlownTerm(fault=None, ended_s=None, left_s=inside, **numbers)
-    struck = FlownTerm(fault=0, ended_s=1.0, left_s=inside, **numbers)
-    later = FlownTerm(fault=0, ended_s=3.0, left_s=two_left, **numbers)
+    healthy = hourly_flights.FlownTerm(fault=None, ended_s=None, left_s=inside, **numbers)
+    struck = hourly_flights.FlownTerm(fault=0, ended_s=1.0, left_s=inside, **numbers)
+    later = hourly_flights.FlownTerm(fault=0, ended_s=3.0, left_s=two_left, **numbers)
     stated = rates(kind="aileron_stuck", per_hour=1.0, ended_s=1.0, flights=300)
     stated = stated.model_copy(update={"flights": 300, "target_per_hour": 0.9})
-    hourly = PerHour(
+    hourly = per_hour.PerHour(
         rates=stated.model_dump(mode="json", exclude_none=True),
         confidence=0.9,
         plan={"nominal": {"flight": {"duration_s": 100.0}}},

@@ -10,7 +10,7 @@ from typing import get_args
 import pytest
 from commands import flighttune
 
-from flighttune.base.errors import InputError
+import flighttune as ft
 from flighttune.base.units import DEG
 from flighttune.cli import verbs
 from flighttune.cli.app import BODIES
@@ -29,7 +29,7 @@ def outcome(option, file):
     """Where an option writes, or why it does not."""
     try:
         return option.file(file, "some/turn.toml")
-    except InputError as error:
+    except ft.InputError as error:
         return str(error)
 
 
@@ -108,7 +108,7 @@ def test_every_ending_stands_in_its_help_and_every_kind_of_file_is_checked():
     for name, option in files:
         assert option.help.count("{}") == len(option.ending), (name, option.name)
         wrong = Path("some/file.json" if option.folder else "some/file.wrong")
-        with pytest.raises(InputError, match=f"some/{wrong.name}: {option.flag} must"):
+        with pytest.raises(ft.InputError, match=f"some/{wrong.name}: {option.flag} must"):
             option.file(wrong, "")
         right = Path("some/file").with_suffix(option.ending[0] if option.ending else "")
         assert option.file(right, "") == right

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import flighttune as ft
-from flighttune.control.laws.autopilot import Motion, Track, _heading
+from flighttune.control.laws import autopilot
 
 DT, G = 0.02, 9.81
 ROUNDED = 2e-6  # rad: the expected angles have six digits
@@ -104,7 +104,7 @@ def test_l1_of_ardupilot_leads_to_a_far_track_at_half_a_right_angle():
 )
 def test_npfg_flies_the_headings_that_px4_expects_in_wind(bearing, wind, V, heading):
     # NpfgTest.cpp of PX4: LightCrossWind (twice) and ExcessCrossWind, within 0.01 rad
-    found = _heading(bearing, wind, V)
+    found = autopilot._heading(bearing, wind, V)
     if heading is not None:
         assert abs(math.remainder(found - heading, math.tau)) < 0.01
     else:  # the velocity over ground has the bearing
@@ -226,8 +226,8 @@ def test_tecs_climbs_as_the_source_of_px4_does(period, parameters, flight, angle
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_integral_of_tecs_of_ardupilot_fades_while_the_pitch_is_at_its_limit(side):
     # AP_TECS::_update_pitch: by 1 - dt / (dt + time constant) a sample, the constant 5 s
-    steady = Motion(0.0, 20.0, (20.0, 0.0), (0.0, 0.0), 20.0, 0.0, 0.0, 100.0, 0.0)
-    track = Track(0.0, 0.0, 100.0 + side, 0.0, 0.0)
+    steady = autopilot.Motion(0.0, 20.0, (20.0, 0.0), (0.0, 0.0), 20.0, 0.0, 0.0, 100.0, 0.0)
+    track = autopilot.Track(0.0, 0.0, 100.0 + side, 0.0, 0.0)
 
     def kept(integral):
         balance = made(L1 | {"TECS_TIME_CONST": 5.0}).height

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fuzzing import slow
 
-from flighttune.control.laws.autopilot import L1, Motion, Npfg, TecsOfArduPilot, Track, guidance
+from flighttune.control.laws import autopilot
 
 STATES, DT, G = 4000, 0.02, 9.80665
 EXACT = 1e-12
@@ -36,8 +36,10 @@ def within(x, low, high):
 
 
 def roles(period, **changed):
-    stated = {row[0]: row[1] for row in guidance()[period]["parameters"]} | changed
-    return SimpleNamespace(**{row[2]: stated[row[0]] for row in guidance()[period]["parameters"]})
+    stated = {row[0]: row[1] for row in autopilot.guidance()[period]["parameters"]} | changed
+    return SimpleNamespace(
+        **{row[2]: stated[row[0]] for row in autopilot.guidance()[period]["parameters"]}
+    )
 
 
 def states(seed):
@@ -53,8 +55,12 @@ def states(seed):
         curvature = (k % 4 > 0) * rng.choice([-1, 1]) / 10.0 ** rng.uniform(1.5, 3)
         chi, V_g = math.atan2(velocity[1], velocity[0]), math.hypot(*velocity)
         air = tuple(float(x) for x in velocity - wind)
-        motion = Motion(chi, V_g, air, tuple(map(float, wind)), V, 0.0, 0.0, 100.0, 0.0)
-        yield motion, Track(course, right, None, curvature, 0.0), rng.uniform(0.8, 1.2) * V
+        motion = autopilot.Motion(chi, V_g, air, tuple(map(float, wind)), V, 0.0, 0.0, 100.0, 0.0)
+        yield (
+            motion,
+            autopilot.Track(course, right, None, curvature, 0.0),
+            rng.uniform(0.8, 1.2) * V,
+        )
 
 
 def velocity_of(m):
@@ -96,7 +102,7 @@ def test_l1_of_ardupilot_accelerates_as_its_source():
         # inside of the middle of a circle its source has no nearest point
         if track.curvature * track.right > 0.99:
             continue
-        law = L1(x, DT)
+        law = autopilot.L1(x, DT)
         law.integral = 0.03
         expected, to_leg, mode = l1_of_ardupilot(x, m, track, 0.03)
         if mode == "leg" and abs(to_leg) < math.radians(5.0):
@@ -115,7 +121,7 @@ def test_l1_of_px4_accelerates_as_its_source(circling):
     for m, track, _ in states(2):
         if track.curvature * track.right > 0.99:
             continue
-        law = L1(x, DT)
+        law = autopilot.L1(x, DT)
         law.circling = circling
         v, t = velocity_of(m), unit(track.course)
         speed, omega = max(np.linalg.norm(v), 0.1), 2.0 * math.pi / x.period
@@ -221,7 +227,7 @@ def test_npfg_accelerates_as_its_source():
     sets, pairs = [roles("NPFG_PERIOD", **changed) for changed in VARIANTS], []
     for k, (m, track, V_sp) in enumerate(states(3)):
         x = sets[k % len(sets)]
-        pairs.append((Npfg(x, DT).acceleration(m, track, V_sp), npfg(x, m, track, V_sp)))
+        pairs.append((autopilot.Npfg(x, DT).acceleration(m, track, V_sp), npfg(x, m, track, V_sp)))
     assert_equal(pairs)
 
 
@@ -306,16 +312,16 @@ def test_the_balance_of_ardupilot_pitches_as_its_source_sample_by_sample():
         if k % 1000 == 0:
             x = roles("NAVL1_PERIOD", TECS_SPDWEIGHT=(1.0, 0.4, 1.7, 1.0)[k // 1000])
             V, height, climb, asked = 20.0, 100.0, 0.0, 100.0
-            source, law = PitchOfArduPilot(x, height, V), TecsOfArduPilot(x, DT, G)
-            law.start(Motion(0.0, V, (V, 0.0), (0.0, 0.0), V, 0.0, climb, height, 0.0), V)
+            source, law = PitchOfArduPilot(x, height, V), autopilot.TecsOfArduPilot(x, DT, G)
+            law.start(autopilot.Motion(0.0, V, (V, 0.0), (0.0, 0.0), V, 0.0, climb, height, 0.0), V)
         if k % 250 == 0:  # steps up and down, some of them beyond what the pitch can give
             asked += rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 60.0)
         V_dot = rng.normal(0.0, 0.8)
         climb += DT * rng.normal(0.0, 30.0) - 0.1 * DT * climb
         height, V = height + DT * climb, within(V + DT * V_dot, 14.0, 27.0)
         low, high = -0.2 - 0.05 * math.sin(k / 300), 0.15 + 0.05 * math.cos(k / 400)
-        motion = Motion(0.0, V, (V, 0.0), (0.0, 0.0), V, V_dot, climb, height, 0.0)
-        found = law.climb_angle(motion, Track(0.0, 0.0, asked, 0.0, 0.0), low, high)
+        motion = autopilot.Motion(0.0, V, (V, 0.0), (0.0, 0.0), V, V_dot, climb, height, 0.0)
+        found = law.climb_angle(motion, autopilot.Track(0.0, 0.0, asked, 0.0, 0.0), low, high)
         pairs.append((found, source.step(height, climb, V, V_dot, asked, low, high)))
         met |= {int(source.unc > high) - int(source.unc < low), f"clip {source.clip}"}
     assert_equal(pairs)

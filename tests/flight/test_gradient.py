@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.base.errors import InputError
 from flighttune.base.files.code import JSBSIM
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.gradient import _measured, _value, _with
@@ -133,13 +132,13 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_has_no_slope_is_refused(case):
     changes, asked, message = REFUSED[case]
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.gradient(scenario(**changes), **asked)
 
 
 def test_slopes_need_compiled_code(monkeypatch):
     monkeypatch.setenv(JSBSIM, "1")
-    with pytest.raises(InputError, match=f"{JSBSIM} must be absent"):
+    with pytest.raises(ft.InputError, match=f"{JSBSIM} must be absent"):
         ft.gradient(scenario(duration_s=2.0))
 
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim, lti
 
 import flighttune as ft
-from flighttune.gaps.of_log import FACTORS, _Flights, _stretches
+from flighttune.gaps import of_log
 from flighttune.logs.identify import interval_of
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
@@ -171,7 +171,7 @@ def test_a_factor_without_an_effect_of_its_own_has_no_interval():
     ],
 )
 def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
-    said = FACTORS[name].unidentifiable(*fitted)
+    said = of_log.FACTORS[name].unidentifiable(*fitted)
 
     assert said.startswith(says)
     assert bool(said) == bool(says)
@@ -220,7 +220,7 @@ def test_stretches_of_a_log_begin_after_its_gaps_and_none_overlap():
     columns["phi_cmd"] = np.radians(6.0) * np.sign(np.sin(t))
     columns["phi"] = np.where(np.isin(t.round(1), (3.0, 5.0, 7.0, 60.0, 61.5)), np.nan, 0.0)
 
-    times, _ = _stretches(made_up_run(columns, t), 0.1)
+    times, _ = of_log._stretches(made_up_run(columns, t), 0.1)
 
     # 17 s each, from the first sample after the gaps until 7 s and until 61.5 s
     starts = times[:, 0]
@@ -232,7 +232,7 @@ def test_stretches_of_a_log_begin_after_its_gaps_and_none_overlap():
 
 def test_signals_in_the_air_become_those_over_ground_in_a_wind_from_ahead():
     """Level north at 20 m/s over ground: a wind of 5 m/s from the north, and a climb of 10 deg."""
-    flights = _Flights.__new__(_Flights)
+    flights = of_log._Flights.__new__(of_log._Flights)
     flights.logged = {"chi": np.zeros((1, 3)), "V_g": np.full((1, 3), 20.0)}
     climb, theta = np.radians(10.0), np.radians(14.0)
     air = {"chi": 0.0, "gamma": climb, "V_a": 25.0, "theta": theta}

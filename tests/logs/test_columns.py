@@ -10,8 +10,7 @@ from log_files import heavy_cessna
 from scipy import constants
 
 import flighttune as ft
-from flighttune.logs import relations
-from flighttune.logs.checks import MISTAKEN, _rotated, checked
+from flighttune.logs import checks, relations
 from flighttune.logs.relations import STEEP, Motion, _body_rate
 
 FEW = ("p sign", "n_z without gravity", "V_a in kn", "V_err sign")
@@ -100,7 +99,7 @@ def test_no_right_log_is_accused_at_any_rate(log_of, make, rate):
 def test_a_velocity_that_is_rotated_keeps_its_size_and_turns_clockwise(course):
     given = {"v_north": 20.0 * np.cos([course]), "v_east": 20.0 * np.sin([course])}
 
-    found = _rotated(0.7)(given)
+    found = checks._rotated(0.7)(given)
 
     velocity = complex(found["v_north"][0], found["v_east"][0])
     assert velocity == pytest.approx(20.0 * np.exp(1j * (course + 0.7)), rel=1e-12)
@@ -158,7 +157,7 @@ def test_any_columns_are_judged_whatever_they_hold():
             kinds = [column, gaps, 0.0 * column, np.nan * column, np.cumsum(column)]
             columns[name] = kinds[random.integers(len(kinds))]
 
-        values, _, _ = checked(columns, t, {})
+        values, _, _ = checks.checked(columns, t, {})
 
         assert set(columns) <= set(values)
 
@@ -210,8 +209,8 @@ def test_units_that_are_mistaken_have_the_factors_of_their_definitions():
     lengths = {"ft": constants.foot, "cm": constants.centi, "mm": constants.milli, "km": 1000.0}
 
     speeds = {f"{unit} read as m/s": pytest.approx(size) for unit, size in units.items()}
-    assert speeds == MISTAKEN["speed"] == MISTAKEN["wind"]
+    assert speeds == checks.MISTAKEN["speed"] == checks.MISTAKEN["wind"]
     read = {f"{unit} read as m": pytest.approx(size) for unit, size in lengths.items()}
-    assert MISTAKEN["length"] == read
+    assert checks.MISTAKEN["length"] == read
     for kind in ("angle", "rate"):
-        assert MISTAKEN[kind] == {"deg read as rad": pytest.approx(constants.degree)}
+        assert checks.MISTAKEN[kind] == {"deg read as rad": pytest.approx(constants.degree)}

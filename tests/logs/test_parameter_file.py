@@ -4,7 +4,7 @@ import codecs
 
 import pytest
 
-from flighttune.base.errors import InputError
+import flighttune as ft
 from flighttune.logs.parameter_file import changed_text, new_text
 from flighttune.logs.parameters import flown_now
 
@@ -73,7 +73,7 @@ def test_a_mark_of_the_byte_order_stays_in_front(tmp_path):
 
 
 def test_a_name_that_the_file_lacks_is_refused(tmp_path):
-    with pytest.raises(InputError, match="must have TECS_PTCH_DAMP, got none"):
+    with pytest.raises(ft.InputError, match="must have TECS_PTCH_DAMP, got none"):
         written(tmp_path, PLANNER, {"TECS_PTCH_DAMP": 0.4})
 
 

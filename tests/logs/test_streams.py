@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flighttune.logs.streams import _between, _with_commands, with_angles
+from flighttune.logs import streams
 
 NEXT_TO_ZERO = 1e-3
 """Error of angles (rad) where a part w that the log lacks is so small that its sign is open."""
@@ -28,7 +28,7 @@ def test_angles_of_a_quaternion_are_those_of_its_rotation(name, ending, parts):
     raw = {f"{name}_{part}": (t, values[part]) for part in parts}
     raw |= {"v_north": (t, 25.0 * np.cos(psi)), "v_east": (t, 25.0 * np.sin(psi))}
 
-    with_angles(raw)
+    streams.with_angles(raw)
 
     assert not any(key.startswith("q") for key in raw)
     for key, expected in (("phi", phi), ("theta", theta), ("psi", psi)):
@@ -43,7 +43,7 @@ def test_a_command_is_the_last_measured_value_plus_its_error():
         "phi_err": (np.array([0.5, 1.0, 2.9, 3.5]), np.array([1.0, 1.0, -0.3, 0.2])),
     }
 
-    _with_commands("a log", raw)
+    streams._with_commands("a log", raw)
 
     t, commanded = raw["phi_cmd"]
     there = np.isfinite(commanded)
@@ -63,4 +63,4 @@ def test_a_command_is_the_last_measured_value_plus_its_error():
 def test_a_faster_stream_is_averaged_and_a_slower_one_interpolated(period, expected):
     times = np.arange(0.0, 3.1, period)
 
-    assert _between(np.array([1.0, 2.0]), times, times**2, 1.0) == pytest.approx(expected)
+    assert streams._between(np.array([1.0, 2.0]), times, times**2, 1.0) == pytest.approx(expected)

@@ -16,7 +16,7 @@ from scipy.ndimage import map_coordinates
 
 import flighttune as ft
 from flighttune.base.errors import InfeasibleError
-from flighttune.routes.maps import Corridor, clearance, ground_at
+from flighttune.routes import maps
 from flighttune.routes.raster import ground_heights
 
 pytest.importorskip("rasterio")
@@ -94,14 +94,14 @@ def test_a_tile_of_another_name_or_size_is_refused_with_what_it_must_be(tmp_path
     file.write_bytes(bytes(size))
 
     with pytest.raises(ft.InputError, match=rf"{name}: .* N47E008\.hgt, .* 1201 or"):
-        ground_at(file, np.array([[47.5, 8.5]]))
+        maps.ground_at(file, np.array([[47.5, 8.5]]))
 
 
 def test_a_place_that_the_projection_of_the_raster_lacks_is_refused(tmp_path):
     file = terrain(tmp_path / "t.tif", crs="EPSG:32632")
 
     with pytest.raises(ft.InputError, match=r"t\.tif: .* heights there"):
-        ground_at(file, np.array([[0.0, 98.5]]))
+        maps.ground_at(file, np.array([[0.0, 98.5]]))
 
 
 def test_the_ground_is_that_of_a_plane_between_posts_on_a_grid_of_another_projection(tmp_path):
@@ -117,7 +117,7 @@ def test_the_ground_is_that_of_a_plane_between_posts_on_a_grid_of_another_projec
     arc = Geodesic.WGS84.Inverse(0.0, 9.0, 48.0, 9.0)["s12"]
     up = 0.9996 * arc - north
 
-    level, above = ground_at(tmp_path / "t.tif", np.array([[48.0, 9.0], [48.0, 9.002]]))
+    level, above = maps.ground_at(tmp_path / "t.tif", np.array([[48.0, 9.0], [48.0, 9.002]]))
 
     assert level == pytest.approx(-3.0 + 0.7 * up, abs=1e-3)
     aside = Geodesic.WGS84.Inverse(48.0, 9.0, 48.0, 9.002)["s12"]
@@ -209,7 +209,7 @@ def test_a_raster_of_900_million_posts_is_read_beside_the_places_alone(tmp_path)
     places = np.column_stack([47.3 - along, 8.0 + along])
 
     def read():
-        raise ft.InputError(f"{ground_at(tmp_path / 't.tif', places).round(6).tolist()}")
+        raise ft.InputError(f"{maps.ground_at(tmp_path / 't.tif', places).round(6).tolist()}")
 
     said, grown = refused_apart(read)
 
@@ -255,7 +255,7 @@ def test_a_raster_of_another_format_opens_no_connection_and_no_file(tmp_path, ad
     (tmp_path / name).write_text(text.format(port=port))
 
     with pytest.raises(ft.InputError, match=rf"{name}: must be a raster \(GeoTIFF or \.hgt\)"):
-        ground_at(tmp_path / name, np.array([[47.0, 8.0]]))
+        maps.ground_at(tmp_path / name, np.array([[47.0, 8.0]]))
     assert not connected()
 
 
@@ -264,13 +264,13 @@ def test_a_raster_that_names_another_file_is_refused(tmp_path, address):
     port, connected = address
     file = terrain(tmp_path / "t.tif", crs=rasterio.crs.CRS.from_proj4(GRID))
     with pytest.raises(ft.InputError, match=r"t\.tif: must have all its heights in the file"):
-        ground_at(file, np.array([[47.4, 8.5]]))
+        maps.ground_at(file, np.array([[47.4, 8.5]]))
 
     file = terrain(tmp_path / "u.tif")
     with rasterio.open(file, "r+") as data:
         data.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=str(tmp_path / "gone.tif"))
     with pytest.raises(ft.InputError, match=r"u\.tif: must have all its heights in the file"):
-        ground_at(file, np.array([[47.4, 8.5]]))
+        maps.ground_at(file, np.array([[47.4, 8.5]]))
     assert not connected()
     assert port
 
@@ -278,7 +278,7 @@ def test_a_raster_that_names_another_file_is_refused(tmp_path, address):
 def test_files_beside_a_raster_change_nothing(tmp_path):
     rasterio = pytest.importorskip("rasterio")
     file = terrain(tmp_path / "t.tif")
-    expected = ground_at(file, np.array([[47.4, 8.5]]))
+    expected = maps.ground_at(file, np.array([[47.4, 8.5]]))
 
     (tmp_path / "t.tif.aux.xml").write_text(
         '<PAMDataset><GeoTransform>8.4,0.001,0,47.5,0,-0.001</GeoTransform><PAMRasterBand band="1">'
@@ -289,7 +289,7 @@ def test_files_beside_a_raster_change_nothing(tmp_path):
         mask.update_tags(INTERNAL_MASK_FLAGS_1="2")
     (tmp_path / "none.tif").rename(tmp_path / "t.tif.msk")
 
-    assert ground_at(file, np.array([[47.4, 8.5]])) == expected
+    assert maps.ground_at(file, np.array([[47.4, 8.5]])) == expected
 
 
 def huge_block(path, mask=False):
@@ -325,7 +325,7 @@ def count_at(data, place):
 def test_a_block_that_unpacks_to_much_is_refused_unread(tmp_path, mask):
     file = huge_block(tmp_path / "t.tif", mask)
 
-    said, grown = refused_apart(lambda: ground_at(file, np.array([[47.299, 8.001]])))
+    said, grown = refused_apart(lambda: maps.ground_at(file, np.array([[47.299, 8.001]])))
 
     assert re.search(r"t\.tif: must have blocks of at most 64000000 bytes, got 400000000", said)
     assert grown < 100_000_000
@@ -339,7 +339,7 @@ def test_a_raster_whose_posts_have_no_place_is_refused(tmp_path, flat):
         data.transform = rasterio.Affine(flat[0], 0.0, 7.9, 0.0, flat[1], 47.1)
 
     with pytest.raises(ft.InputError, match=r"t\.tif: must .*(transform|height of the ground)"):
-        ground_at(file, np.array([[47.4, 8.5]]))
+        maps.ground_at(file, np.array([[47.4, 8.5]]))
 
 
 def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
@@ -347,7 +347,7 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
     file.write_bytes(file.read_bytes().replace(b"metre", b"me\xff\xfee"))
 
     with pytest.raises(ft.InputError, match=r"t\.tif: must be a raster .* got .*decode"):
-        ground_at(file, np.array([[47.4, 8.5]]))
+        maps.ground_at(file, np.array([[47.4, 8.5]]))
 
 
 @pytest.mark.parametrize("to_the_right", [*slow(False), True])
@@ -358,9 +358,9 @@ def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_pat
     planned = ft.route(file)
     left, right = (-20.0, 300.0) if to_the_right else (-300.0, 20.0)
     window = np.array([[0.0, planned.where[0].length]])
-    corridor = Corridor(window, np.array([[left, -5.0]]), np.array([[right, 15.0]]), "")
+    corridor = maps.Corridor(window, np.array([[left, -5.0]]), np.array([[right, 15.0]]), "")
 
-    found = clearance(terrain(tmp_path / "t.tif"), planned.where, corridor)
+    found = maps.clearance(terrain(tmp_path / "t.tif"), planned.where, corridor)
 
     uphill = SLOPE * 300.0 / (6371e3 * math.pi / 180.0)
     assert found["over_ground_m"] == pytest.approx(60.0 - 15.0 - uphill, abs=0.2)

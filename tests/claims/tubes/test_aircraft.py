@@ -30,7 +30,7 @@ import flighttune as ft
 from flighttune.claims.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
 from flighttune.claims.tubes import tube as tubes
-from flighttune.claims.tubes.enclosure import Tube, load_tube
+from flighttune.claims.tubes.enclosure import load_tube
 from flighttune.gaps.residual import residual_rates
 
 
@@ -110,7 +110,7 @@ def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of, words
         band=known, scenario=scenario, table=scenario.plant[0], start=np.deg2rad(start_deg)
     )
 
-    counted = Tube.probability.fget(SimpleNamespace(problem=problem, status="bounded"))
+    counted = ft.Tube.probability.fget(SimpleNamespace(problem=problem, status="bounded"))
 
     assert (counted.of, counted.at_most) == (of, 0.05)
     assert re.fullmatch(f"{words}probability at most 0.05, confidence 0.99", counted.sentence)

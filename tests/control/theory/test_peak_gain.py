@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from flighttune.base.errors import InputError
+import flighttune as ft
 from flighttune.control.theory import peak_gain
 from flighttune.control.theory.exact import exact, provable_rate
 from flighttune.control.theory.lyapunov import lyapunov_solution
@@ -90,5 +90,5 @@ def test_the_enclosure_agrees_with_a_quadrature(seed, n):
 def test_a_loop_whose_slowest_mode_outlasts_its_fastest_ones_steps_is_refused(monkeypatch):
     monkeypatch.setattr(peak_gain, "MAX_STEPS", 100)
 
-    with pytest.raises(InputError, match="must decay within 100 steps"):
+    with pytest.raises(ft.InputError, match="must decay within 100 steps"):
         enclosed([[-0.01, 0.0], [0.0, -100.0]], [[1.0], [1.0]], [[1.0, 1.0]])

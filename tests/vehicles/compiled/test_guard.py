@@ -11,7 +11,7 @@ import pytest
 from airframes import changed_aerosonde
 
 from flighttune.base.files.table import toml_tables
-from flighttune.vehicles.aircraft.aircraft import OffNominal, aircraft_from, load_aircraft
+from flighttune.vehicles.aircraft import aircraft
 from flighttune.vehicles.compiled import cache, components, face, machine, rigid_body, run
 from flighttune.vehicles.compiled.face import CompiledStep, Refusal, compiled
 from flighttune.vehicles.compiled.model import Air, Source
@@ -53,7 +53,7 @@ def test_a_wrong_operation_is_found_and_jsbsim_flies(wrong, empty_cache, monkeyp
     setter = monkeypatch.setitem if isinstance(place, dict) else monkeypatch.setattr
     setter(place, name, operation)
 
-    refusal = compiled(load_aircraft("aerosonde"))
+    refusal = compiled(aircraft.load_aircraft("aerosonde"))
 
     assert isinstance(refusal, Refusal)
     assert re.search(r"^`\S+` differs first, in step \d+: \S+ by JSBSim, \S+ comp", refusal.reason)
@@ -108,7 +108,7 @@ PLACES = "".join(
     ids=["operator", "component", "part of a component", "property"],
 )
 def test_what_the_step_does_not_know_is_refused_by_name(tmp_path, change, reason):
-    refusal = compiled(load_aircraft(changed_aerosonde(tmp_path / "aircraft", change)))
+    refusal = compiled(aircraft.load_aircraft(changed_aerosonde(tmp_path / "aircraft", change)))
 
     assert isinstance(refusal, Refusal)
     assert re.search(reason, refusal.reason)
@@ -117,13 +117,13 @@ def test_what_the_step_does_not_know_is_refused_by_name(tmp_path, change, reason
 def test_on_other_platforms_jsbsim_flies(monkeypatch):
     monkeypatch.setattr(machine.platform, "machine", lambda: "aarch64")
 
-    assert "got linux aarch64 glibc" in compiled(load_aircraft("aerosonde")).reason
+    assert "got linux aarch64 glibc" in compiled(aircraft.load_aircraft("aerosonde")).reason
 
 
 def test_other_versions_of_jsbsim_fly_themselves(monkeypatch):
     monkeypatch.setattr(face, "jsbsim_version", lambda: "1.3.9")
 
-    assert compiled(load_aircraft("aerosonde")).reason.endswith("version 1.3.3, got 1.3.9")
+    assert compiled(aircraft.load_aircraft("aerosonde")).reason.endswith("version 1.3.3, got 1.3.9")
 
 
 @pytest.mark.parametrize(
@@ -136,10 +136,10 @@ def test_other_versions_of_jsbsim_fly_themselves(monkeypatch):
     ids=["rate", "lowest throttle", "thrust"],
 )
 def test_what_aircraft_toml_changes_of_a_step_is_in_its_key(changes):
-    first = load_aircraft("aerosonde")
+    first = aircraft.load_aircraft("aerosonde")
     tables = toml_tables(first.file)
     engines = tables["engines"] | changes.get("engines", {})
-    second = aircraft_from(tables | changes | {"engines": engines}, first.folder)
+    second = aircraft.aircraft_from(tables | changes | {"engines": engines}, first.folder)
     sources = [Source(config, 1) for config in (first, second)]
 
     assert sources[0] != sources[1]
@@ -203,7 +203,7 @@ def test_a_damaged_or_forged_step_is_made_anew(damage, empty_cache):
 
 
 def test_steps_are_the_users_alone_and_read_in_milliseconds(empty_cache):
-    config = load_aircraft("x8")
+    config = aircraft.load_aircraft("x8")
     assert isinstance(compiled(config), CompiledStep)
     (file,) = empty_cache.glob("*.step")
     assert (empty_cache.stat().st_mode & 0o777, file.stat().st_mode & 0o777) == (0o700, 0o600)
@@ -249,7 +249,9 @@ def test_a_step_is_made_once_though_many_processes_ask(empty_cache):
 
 def test_a_step_that_one_draw_cannot_check_is_checked_by_another(empty_cache):
     weak, strong = (
-        load_aircraft("aerosonde").with_off_nominal(OffNominal(thrust_factor=factor))
+        aircraft.load_aircraft("aerosonde").with_off_nominal(
+            aircraft.OffNominal(thrust_factor=factor)
+        )
         for factor in (0.05, 0.9)
     )
 
@@ -262,7 +264,9 @@ def test_a_step_that_no_draw_can_check_is_refused(empty_cache, monkeypatch):
     checked, check = [], face.check_flight
     monkeypatch.setattr(face, "check_flight", lambda *x: checked.append(x) or check(*x))
     for factor in (0.05, 0.04, 0.06, 0.03, 0.07, 0.08, 0.09):
-        weak = load_aircraft("aerosonde").with_off_nominal(OffNominal(thrust_factor=factor))
+        weak = aircraft.load_aircraft("aerosonde").with_off_nominal(
+            aircraft.OffNominal(thrust_factor=factor)
+        )
 
         assert compiled(weak).reason.startswith("there is no flight to check it in: ")
     assert len(checked) == face.MAX_UNCHECKED

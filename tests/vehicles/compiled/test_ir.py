@@ -5,30 +5,39 @@ import ctypes
 import numpy as np
 import pytest
 
+from flighttune.vehicles.compiled import trace
 from flighttune.vehicles.compiled.branches import sides
 from flighttune.vehicles.compiled.ir import step_ir
 from flighttune.vehicles.compiled.machine import Loaded, object_code
-from flighttune.vehicles.compiled.trace import Graph, call, needed, select
 
 START = (0.3, 0.2)
 
 
 def moved(x, y):
     """The next x and y: three branches with a root in common, and functions of the old values."""
-    root = call("sqrt", x * x + 1.0)
-    steep = select(root < 1.3, call("pow", root, 1.7), call("exp", -root) * call("sin", y))
-    new = x + 0.05 * call("cos", x) + 0.03 + select(y < 0.5, 0.1 * steep, call("log", root + y))
-    return new, y + 0.02 * call("sin", x) * call("cos", new) + 0.02
+    root = trace.call("sqrt", x * x + 1.0)
+    steep = trace.select(
+        root < 1.3, trace.call("pow", root, 1.7), trace.call("exp", -root) * trace.call("sin", y)
+    )
+    new = (
+        x
+        + 0.05 * trace.call("cos", x)
+        + 0.03
+        + trace.select(y < 0.5, 0.1 * steep, trace.call("log", root + y))
+    )
+    return new, y + 0.02 * trace.call("sin", x) * trace.call("cos", new) + 0.02
 
 
 def shown(x, y):
     """What is shown of the new values."""
-    return select(x < 2.0, call("pow", x, 1.5), call("atan", x)), call("sin", x) + y
+    return trace.select(x < 2.0, trace.call("pow", x, 1.5), trace.call("atan", x)), trace.call(
+        "sin", x
+    ) + y
 
 
 @pytest.fixture(scope="module")
 def step():
-    graph = Graph()
+    graph = trace.Graph()
     x, y = (graph.node("input", name) for name in "xy")
     new = moved(x, y)
     text = step_ir(graph, {"x": ("s", 0), "y": ("s", 1)}, new, shown(*new), [new[0] * y, y], 0)
@@ -60,12 +69,12 @@ def test_steps_made_together_or_apart_are_those_of_floats_to_the_bit(step, count
 
 
 def test_a_side_of_a_condition_has_what_nothing_else_needs():
-    graph = Graph()
+    graph = trace.Graph()
     x, y = (graph.node("input", name) for name in "xy")
     both = x * y
-    inner = select(y < 1.0, call("exp", both), y + 2.0)
-    outer = select(x < 1.0, inner * both, call("pow", both, 3.5) / y)
-    places = sorted(needed(graph, [outer]))
+    inner = trace.select(y < 1.0, trace.call("exp", both), y + 2.0)
+    outer = trace.select(x < 1.0, inner * both, trace.call("pow", both, 3.5) / y)
+    places = sorted(trace.needed(graph, [outer]))
 
     alone = sides(graph, places, {outer.place})
 
