@@ -11,7 +11,7 @@ from pydantic import Field
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
 from flighttune.base.names import key_words, unit_of_key
-from flighttune.base.words import listed
+from flighttune.base.words import listed, number
 from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import OffNominal
@@ -331,7 +331,8 @@ def spread(values: Sequence[Any], unit: str) -> str:
     """``0 to 8 m/s``, ``light or severe``."""
     if any(isinstance(value, str | bool | list) for value in values):
         return listed(list(dict.fromkeys(map(str, values))), "or")
-    ends = dict.fromkeys(f"{end:.6g}" for end in (min(values), max(values)))
+    form = ".0f" if max(values) >= 1e4 else ".4g"
+    ends = dict.fromkeys(number(end, form) for end in (min(values), max(values)))
     return f"{' to '.join(ends)} {unit}".rstrip()
 
 

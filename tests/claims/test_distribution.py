@@ -7,6 +7,7 @@ from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, 
 import flighttune as ft
 from flighttune.claims import counted_flights
 from flighttune.claims.band import RecordedSignals
+from flighttune.claims.distribution import spread
 from flighttune.claims.monitor import FAULTS
 
 # 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.
@@ -178,3 +179,16 @@ def test_starts_have_one_range_where_they_go_as_far_to_every_side(chi, gamma, aw
 
     distance = drawn.start_range(scenario, scenario.plant[0])
     assert distance == (None if away is None else pytest.approx(np.deg2rad(away)))
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "words"),
+    [
+        ([0.0, 8.0], "m/s", "0 to 8 m/s"),
+        ([0.9523809523, 1.0499999], "", "0.9524 to 1.05"),  # ends of a log-normal factor
+        ([12345.0, 400.0], "m", "400 to 12345 m"),
+        (["severe", "light", "severe"], "", "severe or light"),
+    ],
+)
+def test_a_range_has_the_digits_that_it_deserves(values, unit, words):
+    assert spread(values, unit) == words
