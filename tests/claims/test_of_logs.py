@@ -40,6 +40,19 @@ def test_at_most_one_of_any_logs_alarms_by_what_all_others_teach(noisy):
     assert alarms == [False, False, False, False, True]
 
 
+def test_logs_that_are_alike_once_they_have_settled_are_the_same_flight(noisy):
+    """The first 8 s, in which the filters settle, are not judged."""
+    of_logs, log = ft.monitor(*noisy), noisy[0]
+
+    def learned(until_s):
+        signals = log.signals.copy()
+        signals.loc[log.t < until_s, "r"] += 0.1
+        return of_logs.not_about(replace(log, signals=signals))
+
+    assert learned(7.99) == learned(0.0) != ""
+    assert learned(8.01) == ""
+
+
 def test_a_claim_is_of_the_number_of_logs_and_says_what_is_not_watched(noisy):
     monitor = ft.monitor(*noisy)
     made = monitor.answer()

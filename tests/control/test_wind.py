@@ -37,6 +37,16 @@ def test_thrust_bears_the_climb_through_the_air_of_a_path_over_ground():
         assert winds.path_over_ground(chi, sine, V_a, wind) == pytest.approx(gamma, abs=ROUNDING)
 
 
+def test_the_level_speed_on_a_course_is_that_of_the_sum_of_air_and_wind():
+    for V_a, air, wind in flights():
+        north, east, _ = (air + wind).tolist()
+        climb = math.asin(-air[2] / V_a)
+
+        speed = winds.level_speed(math.atan2(east, north), climb, V_a, wind)
+
+        assert speed == pytest.approx(math.hypot(north, east), rel=ROUNDING)
+
+
 @pytest.mark.parametrize("gamma", [-0.5, -0.0, 0.1, 1.5])
 def test_still_air_changes_no_bit_of_a_path(gamma):
     calm = (0.0, 0.0, 0.0)

@@ -76,6 +76,28 @@ def test_a_route_that_climbs_takes_the_time_of_its_path_through_the_air():
     assert course == pytest.approx(path.course[turning], abs=2e-3)
 
 
+@pytest.mark.parametrize(("chi", "gamma"), [(0.2, 0.0), (0.0, 0.1), (-0.3, -0.2)])
+def test_rates_of_the_guidance_are_those_of_its_angles(chi, gamma):
+    """A point that moves on through still air; expected: the difference over 10 ms."""
+    leg = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0, "up_m": 100.0}]
+    reference = ft.route(scenario(LAW, route={"waypoint": leg})).reference
+    V, dt, asked = 25.0, 0.01, []
+    follower = reference.follower(dt, 1000.0)
+    for k in range(3):
+        moved = V * math.cos(gamma) * k * dt
+        north, east = 500.0 + moved * math.cos(chi), 5.0 + moved * math.sin(chi)
+        place = north, east, 0.0
+        h = 1028.0 + V * math.sin(gamma) * k * dt
+        over_ground = V * math.cos(gamma)
+        seen = ft.loop.Measured(chi, gamma, V, 0.0, 1.0, h, place, None, over_ground)
+        asked.append(follower(seen)[0])
+
+    _, before, after = asked
+    for angle, rate in (("chi", "chi_dot"), ("gamma", "gamma_dot")):
+        difference = (getattr(after, angle) - getattr(before, angle)) / dt
+        assert getattr(before, rate) == pytest.approx(difference, abs=2e-3)
+
+
 WINDY = {
     "wind.speed_mps": 5.0,
     "wind.from_deg": 70.0,

@@ -27,6 +27,7 @@ from made_up_tubes import (
 )
 
 import flighttune as ft
+from flighttune.claims import verbs
 from flighttune.claims.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
 from flighttune.claims.tubes import tube as tubes
@@ -77,6 +78,20 @@ def test_in_wind_the_start_must_be_stated():
 
 
 @pytest.mark.slow
+def test_boxes_that_are_not_given_are_counted_from_the_starts_of_the_tube(monkeypatch):
+    class Counted(Exception):
+        pass
+
+    def residual(_, **options):
+        raise Counted(options["start_deg"])
+
+    monkeypatch.setattr(verbs, "residual", residual)
+
+    with pytest.raises(Counted) as counted:
+        ft.tube(aircraft_scenario(), "paper", plant="jsbsim:aerosonde", start=np.deg2rad(2.0))
+    assert counted.value.args == (pytest.approx(2.0),)
+
+
 @pytest.mark.parametrize("chi_deg", [(2.0, 7.0), (1.0, 6.0)])
 def test_starts_are_those_of_the_boxes(chi_deg):
     """The course starts at 4 deg, 2 deg from the nearer end."""
