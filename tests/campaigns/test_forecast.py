@@ -226,7 +226,7 @@ def with_unit(name, unit):
 )
 def test_bad_netcdf_is_refused_in_a_line_that_names_the_file(tmp_path, change, words):
     file = netcdf(tmp_path / "f.nc", change)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ft.InputError) as caught:
         load_forecast(file, START)
     said = str(caught.value)
     assert said.startswith(f"{file}: ")
@@ -237,18 +237,20 @@ def test_bad_netcdf_is_refused_in_a_line_that_names_the_file(tmp_path, change, w
 def test_netcdf_4_is_refused_with_the_cure_and_a_damaged_file_in_a_line(tmp_path):
     file = tmp_path / "f.nc"
     file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
-    with pytest.raises(InputError, match=r"f.nc: .* got NetCDF 4: `nccopy -k classic f.nc OUT.nc`"):
+    with pytest.raises(
+        ft.InputError, match=r"f.nc: .* got NetCDF 4: `nccopy -k classic f.nc OUT.nc`"
+    ):
         load_forecast(file)
     whole = netcdf(file).read_bytes()
     file.write_bytes(whole[:900])
-    with pytest.raises(InputError, match=r"f.nc: must be a whole file of NetCDF classic"):
+    with pytest.raises(ft.InputError, match=r"f.nc: must be a whole file of NetCDF classic"):
         load_forecast(file)
     rng = np.random.default_rng(1)
     for _ in range(60):  # another byte in its header, and another end
         bad = bytearray(whole[: rng.integers(4, len(whole))])
         bad[rng.integers(0, min(len(bad), 900))] = rng.integers(0, 256)
         file.write_bytes(bad)
-        with suppress(InputError):
+        with suppress(ft.InputError):
             load_forecast(file, START)
 
 
