@@ -30,6 +30,10 @@ REST = 4.0  # s: flight after it
 # Significant digits of computed values.
 DIGITS = 5
 
+# The schema beside a new scenario, with which editors complete and check it: its place in the file
+# then names no folder of this machine.
+SCHEMA = ".flighttune/scenario.json"
+
 # A first scenario with next steps; `_first` fills in values of the aircraft.
 TEMPLATE, NEXT_HEAD, NEXT = (
     Path(__file__).with_suffix(".toml").read_text(encoding="utf-8").partition("\n# What to do next")
@@ -74,14 +78,15 @@ def new_scenario(
             raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
     document = _first(aircraft or AIRCRAFT, file.parent)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    schema = f"#:schema {(SCHEMAS / 'scenario.json').as_uri()}\n"  # completion in an editor
-    text = schema + _requiring(document, overshoot, settle)
+    text = f"#:schema {SCHEMA}\n{_requiring(document, overshoot, settle)}"
     write_text(file, text + (NEXT_HEAD + NEXT).format(**names))
     try:
         load_scenario(file)
     except BaseException:
         file.unlink()
         raise
+    shipped = (SCHEMAS / "scenario.json").read_text(encoding="utf-8")
+    write_text(file.parent / SCHEMA, shipped)
     return file
 
 
