@@ -155,6 +155,16 @@ def per_hour_beside(band: Path) -> Path:
     return Path(f"{band.with_suffix('')}-per-hour.json")
 
 
+def _remove_beside(band: Path) -> None:
+    """Remove what an earlier count wrote beside the file of a band that is written over."""
+    beside, hourly = FilesBeside.of(band), per_hour_beside(band)
+    if band.exists() and beside.room.exists() and kind_of(beside.room) == BAND:
+        remove_file(beside.room)
+        beside.remove_volumes()
+    if hourly.exists() and kind_of(hourly) == PER_HOUR:
+        remove_file(hourly)
+
+
 def kept_mission(band: Band, file: Path) -> MissionOdds:
     """A band along a route, with what the files beside it have counted of the same mission."""
     beside, hourly = FilesBeside.of(file), per_hour_beside(file)
@@ -319,8 +329,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             if file is not None:
                 band.save(file)
         band = band.claiming(*claim)
-        if out is not None:
-            band.save(out)
+        if written is not None:
+            if file is not None and file.absolute() != written.absolute():
+                _remove_beside(written)
+            band.save(written)
         way = flown.way_to_complete(band, fliers)
         files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
@@ -497,12 +509,7 @@ class _NewFlights:
 
     def save(self, band: Band, file: Path) -> None:
         """Save the count, and remove what an earlier count wrote beside it."""
-        beside, hourly = FilesBeside.of(file), per_hour_beside(file)
-        if file.exists() and beside.room.exists() and kind_of(beside.room) == BAND:
-            remove_file(beside.room)
-            beside.remove_volumes()
-        if hourly.exists() and kind_of(hourly) == PER_HOUR:
-            remove_file(hourly)
+        _remove_beside(file)
         keep_on_error(file)
         band.save(file)
         if self.unfinished is not None:

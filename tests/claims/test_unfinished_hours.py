@@ -115,6 +115,20 @@ def test_a_new_count_without_rates_leaves_none_of_an_earlier_one(place, tmp_path
     assert {x.name for x in tmp_path.glob("[!.]*")} == {"m.npz", "m-turn-back.npz"}
 
 
+@pytest.mark.soak
+def test_a_band_that_is_written_to_another_place_leaves_none_of_an_earlier_one(place, tmp_path):
+    first, other = tmp_path / "first", tmp_path / "other"
+    for folder in (first, other):
+        folder.mkdir()
+        shutil.copy(place / "m.npz", folder)
+    shutil.copy(place / "m-per-hour.json", other)
+    (other / "m-turn-back.npz").write_text("a file of somebody else")
+
+    ft.mission(first / "m.npz", out=other / "m.npz", workers=1)
+
+    assert {x.name for x in other.iterdir()} == {"m.npz", "m-turn-back.npz"}
+
+
 @pytest.mark.parametrize("other", [{"flights": 13}, None])
 def test_flights_of_another_count_are_not_gone_on_with(tmp_path, other):
     stated = ft.flights("circuit_in_wind").knowing(None)
