@@ -10,7 +10,7 @@ from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.statistics.findings import load_findings
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, Method
 from flighttune.claims.band import Band
-from flighttune.claims.monitor import LogMonitor, Monitor
+from flighttune.claims.monitor import Watching
 from flighttune.claims.verify import within
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.compare import Source, load_source
@@ -97,11 +97,14 @@ def report(
         flown = load_source(source, changes=changes or {}, columns=columns)
     page = Path(path or "report.html")
     if any(run.provenance.log for run in flown.runs):
-        around = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
-        corridors = [x for x in around if isinstance(x, Band) and x.flights.over == "along"]
-        monitors = [x for x in around if isinstance(x, Monitor | LogMonitor)]
-        for file, of_log in zip(claims, around, strict=True):
-            if not any(of_log is x for x in (*corridors, *monitors)):
+        corridors, monitors = [], []
+        for file in claims:
+            of_log = load_one(file, "monitor", MONITOR, BAND)
+            if isinstance(of_log, Watching):
+                monitors.append(of_log)
+            elif isinstance(of_log, Band) and of_log.flights.over == "along":
+                corridors.append(of_log)
+            else:
                 raise InputError(
                     f"{file}: must be a monitor or the band of a route: a log is of no scenario."
                 )
