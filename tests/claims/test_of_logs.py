@@ -7,9 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import answer, flighttune
+from made_up import made_up_scenario
+from made_up_band import count_of, plan_of_paper, scores_of
 from watched import flown, stuck, turn
 
 import flighttune as ft
+from flighttune.claims.band import RecordedSignals
 
 RATE, SECONDS, FAULT_S = 25.0, 24.0, 15.0
 T = np.arange(round(RATE * SECONDS)) / RATE
@@ -225,6 +228,17 @@ def test_a_log_that_it_learned_from_has_no_alarm(noisy):
     assert said.no_claim == "it learned from this log"
     assert said.alarm is None
     assert not ft.monitor(*noisy[:4]).on(noisy[4]).no_claim
+
+
+def test_a_log_is_not_held_against_a_band_over_time(noisy, tmp_path):
+    log, file = tmp_path / "log.csv", tmp_path / "band.npz"
+    noisy[0].signals[["phi", "p", "r"]].assign(t_s=T, v_north=20.0, v_east=0.0).to_csv(log)
+    measured = RecordedSignals(units={"chi_err": "rad"})
+    plan = plan_of_paper(made_up_scenario())
+    count_of(ft.Band, plan, measured, 1.0, scores_of(1.0)).save(file)
+
+    with pytest.raises(ft.InputError, match=r"band\.npz: must be a monitor or the band of a route"):
+        ft.report(log, tmp_path / "page.html", claims=[file])
 
 
 def test_a_page_shows_each_of_two_monitors(noisy, tmp_path):
