@@ -9,6 +9,7 @@ from fuzzing import refused_apart
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
+from flighttune.routes import maps
 from flighttune.routes.mission import read_route
 
 NO_PLACE = (0, 0, 0, 0)
@@ -526,6 +527,20 @@ KML = """<?xml version="1.0" encoding="UTF-8"?>
 <altitudeMode>{}</altitudeMode><coordinates>8.5,47.4,548 8.5,47.42,560</coordinates>
 </LineString></Placemark></Document></kml>
 """
+
+
+def test_the_places_of_all_rings_of_a_map_count_together(read_text, monkeypatch):
+    """Four around, and nine around its hole: 13."""
+    around, hole = (f"<coordinates>{'8.5,47.4 ' * n}</coordinates>" for n in (4, 9))
+    rings = f"<outerBoundaryIs>{around}</outerBoundaryIs><innerBoundaryIs>{hole}</innerBoundaryIs>"
+    text = f"<kml><Placemark><Polygon>{rings}</Polygon></Placemark></kml>"
+
+    monkeypatch.setattr(maps, "MAX_PLACES", 12)
+    with pytest.raises(ft.InputError, match="at most 12 places in its shapes"):
+        read_text(".kml", text)
+    monkeypatch.setattr(maps, "MAX_PLACES", 13)
+    with pytest.raises(ft.InputError, match="LineString"):
+        read_text(".kml", text)
 
 
 def test_a_line_of_kml_is_read(read_text):
