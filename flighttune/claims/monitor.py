@@ -469,6 +469,14 @@ def _overlap(run: Run, other: Run) -> bool:
     return bool(there.any() and np.nanmedian(np.abs(gap[there])) < 0.01)
 
 
+def _nearest(signals: set[str]) -> str:
+    """The residuals that lack the fewest signals, and these."""
+    lacks = [(model.name, sorted(model.signals - signals)) for model in watching.OF_LOGS]
+    least = min(len(names) for _, names in lacks)
+    near = (f"{name} lacks {listed(names)}" for name, names in lacks if len(names) == least)
+    return listed([*dict.fromkeys(near)])
+
+
 def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
     """A monitor learned from logs of healthy flights, or healthy parts of logs."""
     if len(runs) < MIN_LOGS:
@@ -488,11 +496,8 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
     there = set.intersection(*({*map(str, run.signals)} for run in runs))
     models = watching.models_of(there, watching.OF_LOGS)
     if not models:
-        lacks = {model.name: sorted(model.signals - there) for model in watching.OF_LOGS}
-        least = min(map(len, lacks.values()))
-        near = [f"{name} lacks {listed(x)}" for name, x in lacks.items() if len(x) == least]
         raise InputError(
-            f"the logs must have the signals of a residual, got logs in which {'; '.join(near)}."
+            f"the logs must have the signals of a residual, got logs in which {_nearest(there)}."
         )
     samples = [{*map(bytes, np.round(_used(models, run), DIGITS))} for run in runs]
     for (run, some), (other, others) in combinations(zip(runs, samples, strict=True), 2):

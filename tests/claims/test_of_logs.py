@@ -100,6 +100,15 @@ def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_
         ft.monitor(*(replace(standing, signals=k * standing.signals) for k in (1.0, 1.1, 1.2)))
 
 
+def test_logs_without_the_signals_of_any_residual_are_told_which_are_missing(noisy):
+    few = [replace(run, signals=run.signals[["phi", "p"]]) for run in noisy]
+
+    with pytest.raises(
+        ft.InputError, match=r"side force lacks f_y, roll lacks phi_cmd, turn lacks"
+    ):
+        ft.monitor(*few)
+
+
 def test_parts_of_one_flight_are_refused_under_other_names_too(noisy, tmp_path):
     table = noisy[0].signals[["phi", "p", "r"]].assign(t_s=T, v_north=20.0, v_east=0.0)
     later = table[round(4.0 * RATE) :].assign(t_s=lambda x: x["t_s"] - 4.0)
