@@ -81,7 +81,8 @@ class RecordedSignals(Measured):
     def values(self, run: Run, scenario: Scenario) -> FloatArray:
         """The signals of a run, shape (samples, signals)."""
         del scenario
-        return run.signals[[*self.units]].to_numpy()
+        # One by one: pandas takes longer for a list of names.
+        return np.stack([run.signals[name].to_numpy() for name in self.units], axis=1)
 
     def lost(self, run: Run, scenario: Scenario) -> bool:
         """Whether a flight is behind its start or blown back, so that its distances are wrong."""

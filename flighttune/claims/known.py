@@ -31,9 +31,12 @@ def navigation_errors_of(run: Run) -> list[float]:
 
     After them the distances (m) that it saw, for `MOST_OF_THE_TIME`: the flight technical error.
     """
-    seen, true = (run.signals[[*names]].to_numpy() for names in (SEEN_SIGNALS, OFF_ROUTE))
-    flying = np.quantile(np.abs(seen), MOST_OF_THE_TIME, axis=0)
-    return [*np.abs(seen - true).max(axis=0).tolist(), *flying.tolist()]
+    seen, true = (
+        np.stack([run.signals[name].to_numpy() for name in names])
+        for names in (SEEN_SIGNALS, OFF_ROUTE)
+    )
+    flying = np.quantile(np.abs(seen), MOST_OF_THE_TIME, axis=1)
+    return [*np.abs(seen - true).max(axis=1).tolist(), *flying.tolist()]
 
 
 def navigation_errors(band: Band) -> NavigationErrors | None:

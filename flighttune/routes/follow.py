@@ -115,8 +115,8 @@ class RouteReference:
 
     def displacement(self, signals: pd.DataFrame) -> float:
         """Largest distance, m, between the positions of a flight and their places on the route."""
-        values = signals[[*ROUTE_SIGNALS, "north", "east", "down"]].to_numpy().T
-        (along, *off), (north, east, down) = np.split(np.ascontiguousarray(values), 2)
+        names = *ROUTE_SIGNALS, "north", "east", "down"
+        along, *off, north, east, down = (signals[name].to_numpy(copy=True) for name in names)
         # The distance along the route never decreases, as in the windows of a band: behind the
         # start it is zero, and a flight that the wind carries back keeps its largest distance so
         # far.
