@@ -3,7 +3,10 @@
 import time
 
 import pytest
+from dispersed import plan_of, tables_of, uniform
 
+from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignProgress
 
 ROWS = [
@@ -74,3 +77,15 @@ def test_progress_says_what_is_done_and_left():
     assert search.endswith(" left")
     assert "left" not in keeping
     assert CampaignProgress().sentence == "starting: 0 of 0 runs"
+
+
+def test_flights_flown_again_come_on_top_of_a_budget():
+    plan = plan_of(tables_of(), uniform("flight.chi_deg", -5.0, 5.0)).with_runs(2)
+    with WorkerPool(Fliers(workers=1)) as pool:
+        pool.progress.budget = 3
+        shown = []
+        for runs in (range(2), range(2), [0]):
+            list(pool.rows(plan, runs, doing="counting"))
+            shown.append(pool.progress.part)
+
+    assert shown == [(2, 3), (4, 4), (5, 5)]

@@ -99,6 +99,8 @@ class WorkerPool:
             progress.succeeded = 0
         ask_to_fly(plan.scenario, plan.flown)
         progress.runs = progress.done + len(runs)
+        if progress.budget:  # flying again comes on top
+            progress.budget = max(progress.budget, progress.flown + len(runs))
         flown_here: list[flying.Row] = []
 
         def alone_draws() -> Iterator[flying.Draw]:
