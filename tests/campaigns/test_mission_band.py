@@ -143,7 +143,7 @@ def made_up_flights(monkeypatch, lost_every):
             counted.extend(runs)
             if lost_every:
                 extremes[(np.array(runs) - LEARN) % lost_every == 0] = [-np.inf, np.inf]
-        return extremes, np.zeros((len(runs), 0)), np.zeros((len(runs), 2 * kept.navigated))
+        return extremes, np.zeros((len(runs), 0)), np.zeros((len(runs), 4 * kept.navigated))
 
     monkeypatch.setattr("flighttune.claims.counting._flown", flown)
     monkeypatch.setenv(JSBSIM, "1")  # flown again, they would be others

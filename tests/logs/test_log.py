@@ -479,7 +479,7 @@ def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypa
     each = ft.compare("flight.ulg@0:20", "paper@paper")
 
     assert "A real flight of 50.0 s." in page.summary
-    assert "The log has no n_z_cmd" in page.path.read_text(encoding="utf-8")
+    assert "The log has no h, n_z_cmd or wind_north." in page.path.read_text(encoding="utf-8")
     assert both.comparable
     assert both.pairs[0].a.duration == pytest.approx(20.0, abs=0.05)
     assert both.max_distance > 10.0

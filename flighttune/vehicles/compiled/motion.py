@@ -28,7 +28,7 @@ _MOST, STEPS, _CONFIRMED = 1_000_000, 200, 100
 
 # A component this much smaller than the largest, as of a level start to the north, is zero but for
 # rounding: its last bits are lost in every sum.
-_NOTHING = 2.0**-20
+_NOTHING = 2.0**-16
 
 _UNKNOWN = "the attitude at this start"
 

@@ -1,0 +1,59 @@
+"""How soon the picture of ``flighttune open`` follows a slider: compiled flights beside JSBSim's.
+
+Run it with ``python benchmarks/bench_open.py``; ``--json`` prints one object. Times are of the
+processor. Exit status 1 if a limit is not kept.
+"""
+
+import json
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import running
+
+import flighttune as ft
+from flighttune.outputs.live import desk
+
+MOVES, UNTIMED = (1, 1) if running.QUICK else (9, 3)
+TURN = {"flight.duration_s": 20.0}
+LIMITS = {"compiled_s": 0.1, "jsbsim_s": 0.3}
+"""Most that a picture of a flight of 20 s may take after a move."""
+
+
+def seconds_of_a_move() -> float:
+    """Median time from a move of a gain to the pieces of the page."""
+    taken = []
+    with tempfile.TemporaryDirectory() as folder:
+        page = desk.Desk(ft.flights("level_turn", changes=TURN), None, Path(folder))
+        for number in range(UNTIMED + MOVES):
+            began = time.process_time()
+            ghosts = [{"name": "start", "values": {}}]
+            values = {"gains[0].K_P[0][0]": 1.0 + 0.01 * number}
+            move = {"window": "w", "number": number, "values": values, "ghosts": ghosts}
+            page.picture(move)
+            taken.append(time.process_time() - began)
+    return statistics.median(taken[UNTIMED:])
+
+
+def main() -> int:
+    """Measure, print, and hold against the limits."""
+    wanted = running.options(__doc__).parse_args()
+    found = {"compiled_s": seconds_of_a_move()}
+    with ft.in_jsbsim():
+        found["jsbsim_s"] = seconds_of_a_move()
+    found["jsbsim_over_compiled"] = found["jsbsim_s"] / found["compiled_s"]
+    if wanted.json:
+        print(json.dumps(found))
+    else:
+        for name, value in found.items():
+            print(f"{name:22s} {value:10.3f}")
+    over = [name for name, limit in LIMITS.items() if found[name] > limit]
+    for name in over:
+        print(f"{name} must be at most {LIMITS[name]:g}, got {found[name]:.3f}", file=sys.stderr)
+    return int(bool(over))
+
+
+if __name__ == "__main__":
+    running.end(main)
