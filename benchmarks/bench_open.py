@@ -4,9 +4,7 @@ Run it with ``python benchmarks/bench_open.py``; ``--json`` prints one object. T
 processor. Exit status 1 if a limit is not kept.
 """
 
-import json
 import statistics
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -44,15 +42,7 @@ def main() -> int:
     with ft.in_jsbsim():
         found["jsbsim_s"] = seconds_of_a_move()
     found["jsbsim_over_compiled"] = found["jsbsim_s"] / found["compiled_s"]
-    if wanted.json:
-        print(json.dumps(found))
-    else:
-        for name, value in found.items():
-            print(f"{name:22s} {value:10.3f}")
-    over = [name for name, limit in LIMITS.items() if found[name] > limit]
-    for name in over:
-        print(f"{name} must be at most {LIMITS[name]:g}, got {found[name]:.3f}", file=sys.stderr)
-    return int(bool(over))
+    return running.judged(found, LIMITS, as_json=wanted.json)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,6 @@ Run it with ``python benchmarks/bench_recording.py``; ``--json`` prints one obje
 a limit is not kept.
 """
 
-import json
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -117,15 +115,7 @@ def main() -> int:
     wanted = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = measured(Path(folder))
-    if wanted.json:
-        print(json.dumps(found))
-    else:
-        for name, value in found.items():
-            print(f"{name:22s} {value:10.3f}")
-    over = [name for name, limit in LIMITS.items() if found[name] > limit]
-    for name in over:
-        print(f"{name} must be at most {LIMITS[name]:g}, got {found[name]:.3f}", file=sys.stderr)
-    return int(bool(over))
+    return running.judged(found, LIMITS, as_json=wanted.json)
 
 
 if __name__ == "__main__":

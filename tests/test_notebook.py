@@ -101,7 +101,7 @@ def test_a_claim_is_drawn_and_a_console_shows_its_sentence():
     assert len(charts) == len(band.about.signals)
     low, high = charts[0].y_ends()
     assert low < -np.rad2deg(WIDE) < np.rad2deg(WIDE) < high
-    assert band.sentence[1:] in " ".join(repr(band).split())  # A sentence of its own there
+    assert band.sentence[1:] in " ".join(repr(band).split())  # printed with a capital
 
 
 def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):

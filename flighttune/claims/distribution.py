@@ -331,7 +331,7 @@ def spread(values: Sequence[Any], unit: str) -> str:
     """``0 to 8 m/s``, ``light or severe``."""
     if any(isinstance(value, str | bool | list) for value in values):
         return listed(list(dict.fromkeys(map(str, values))), "or")
-    form = ".0f" if max(values) >= 1e4 else ".4g"
+    form = ".0f" if max(map(abs, values)) >= 1e4 else ".4g"
     ends = dict.fromkeys(number(end, form) for end in (min(values), max(values)))
     return f"{' to '.join(ends)} {unit}".rstrip()
 

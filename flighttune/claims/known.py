@@ -9,8 +9,8 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.routes.follow import SEEN_SIGNALS
 
-# Share of the time of a flight over which its distances as seen are told: it begins beside the
-# place where it takes itself to be, and flies this error off at once.
+# A flight begins beside the place where its autopilot believes it to be, and flies that error off
+# at once: its distances as seen are told for this share of its time.
 MOST_OF_THE_TIME = 0.95
 
 # Numbers of a flight: errors beside the route and in height, then the distances seen.

@@ -67,7 +67,6 @@ def test_a_model_of_a_log_flies_within_the_limits_that_the_log_showed(mission, m
     ],
 )
 def test_lags_of_a_model_are_said_where_they_fly(plant, said):
-    """Also in a scenario that names an aircraft elsewhere."""
     source = ft.load_scenario("level_turn").as_dict()
     stated = ft.flights(ft.scenario_from(source | {"plant": [plant], "expect": []}))
 

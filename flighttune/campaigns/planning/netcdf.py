@@ -1,8 +1,8 @@
 """A forecast of wind in NetCDF, as tables of Open-Meteo: the grid point next to a place.
 
-Read are eastward and northward wind at heights over ground, such as ``u100`` and ``v100`` (m/s) of
-ERA5, over time, perhaps an ensemble (``number``), latitude and longitude: CF conventions 1.11,
-https://cfconventions.org, sections 4 and 8.1. Of the formats of NetCDF the classic ones.
+The file is of a classic format and follows the CF conventions 1.11 (https://cfconventions.org,
+sections 4 and 8.1). It has eastward and northward wind at heights over ground, such as ``u100`` and
+``v100`` (m/s) of ERA5, over time, latitude and longitude, and may have an ensemble (``number``).
 """
 
 import io

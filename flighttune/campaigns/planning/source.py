@@ -280,7 +280,7 @@ class Flights:
     def in_wind(self, forecast: str | Path | None) -> "Flights":
         """Flights along a route in a wind drawn from a forecast; None: no change.
 
-        The forecast is JSON or CSV of Open-Meteo or NetCDF, also ``FILE@TIME``. Its range
+        The forecast is Open-Meteo's JSON or CSV, or NetCDF, also ``FILE@FROM/TO``. Its range
         over members, these times and the heights of the route replaces the campaign's wind.
         """
         if forecast is None:

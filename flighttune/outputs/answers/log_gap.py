@@ -41,7 +41,7 @@ def answer(gap: LogGap) -> Answer:
     worst = np.unravel_index(np.argmax(chi), chi.shape)
     names = listed([*gap.causes])
     verb = "explains" if len(gap.causes) == 1 else "together explain"
-    share = f"{names.capitalize()} {verb} {100.0 * gap.explained:.1f} %"
+    share = f"{names[:1].upper()}{names[1:]} {verb} {100.0 * gap.explained:.1f} %"
     causes = share if gap.causes else "The log can tell no cause"
     ended = [
         f"{name}: {count} of {len(gap.t)} flights ended early, and are compared until then."

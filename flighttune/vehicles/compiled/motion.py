@@ -26,8 +26,8 @@ _NEAR, _TRIED = ((2, 8), (4, 4), (2, 64), (2, 256)), 64
 # give: a neighbour of the true one that differs in a small component alone may give a dozen.
 _MOST, STEPS, _CONFIRMED = 1_000_000, 200, 100
 
-# A component this much smaller than the largest, as of a level start to the north, is zero but for
-# rounding: its last bits are lost in every sum.
+# Of a component this much smaller than the largest, as of a level start to the north, the last bits
+# are lost in the sums. Where they are not, the comparison with JSBSim finds it.
 _NOTHING = 2.0**-16
 
 _UNKNOWN = "the attitude at this start"
