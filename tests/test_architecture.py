@@ -35,11 +35,18 @@ ONLY_IN = {
 }  # a file, or the folder it may be used in
 
 
+def statements(nodes):
+    """The statements of a block, at any depth; expressions, most of a tree, are passed over."""
+    for node in nodes:
+        yield node
+        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from statements(getattr(node, block, ()))
+
+
 @cache
 def nodes_of(path):
     """Statements and definitions of a file, at any depth."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    return [x for x in ast.walk(tree) if isinstance(x, ast.stmt)]
+    return [*statements(ast.parse(path.read_text(encoding="utf-8")).body)]
 
 
 def imported_modules(path):

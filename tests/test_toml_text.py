@@ -23,6 +23,7 @@ VALUES = st.recursive(
 
 @settings(max_examples=60)
 @given(st.dictionaries(TEXT, VALUES, max_size=4))
+@pytest.mark.slow
 def test_every_table_of_plain_values_comes_back_from_its_text(tables):
     assert tomllib.loads(toml_text(tables)) == tables
 

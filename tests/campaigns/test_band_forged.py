@@ -131,6 +131,7 @@ def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path
     assert "flown again must be equal" in verified(path, 1)
 
 
+@pytest.mark.slow
 def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     file, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
     file.write_text(dedent(LAW))

@@ -95,6 +95,7 @@ def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
         ft.mission(file)
 
 
+@pytest.mark.slow
 def test_a_circle_across_a_zone_is_kept_inside_by_a_smaller_one(tmp_path):
     """Circles of 250 m about 47.41 N, 8.5 E, and a zone that begins 220 m to their east."""
     zone = [[47.405, 8.50292], [47.405, 8.51], [47.42, 8.51], [47.42, 8.50292]]
@@ -111,6 +112,7 @@ def test_a_circle_across_a_zone_is_kept_inside_by_a_smaller_one(tmp_path):
     assert kept["fence"]["nearest"][0]["margin_m"] == pytest.approx(220 - 214, abs=1.0)
 
 
+@pytest.mark.slow
 def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     file = mission(tmp_path / "m.plan")
     far = mission(tmp_path / "f.plan", [[lat + 1.0, lon] for lat, lon in AREA])
@@ -167,6 +169,7 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
     # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
     [*slow((None, 628, 0), (300, 628, None)), (400, 628, 2), (50, 192, None)],
 )
+@pytest.mark.slow
 def test_the_third_largest_of_all_flights_decides_the_corridor(
     tmp_path, monkeypatch, lost_every, flights, lost
 ):

@@ -151,6 +151,7 @@ def test_gains_that_tuning_did_not_find_are_rows_too():
         flying.scenario_of_run(plan, 4)
 
 
+@pytest.mark.slow
 def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
     tables = tables_of((AEROSONDE,), gains=["paper"], controller={"feed_forward": True})
     tables["flight"].update(gamma_deg=0.0, ground_m=0.0, duration_s=4.0)

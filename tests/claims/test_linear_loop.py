@@ -165,6 +165,7 @@ def test_there_is_a_bound_only_of_what_the_statement_is_about():
     assert stated.radius == pytest.approx(0.1 * 0.5 * unit_radius(30.0))
 
 
+@pytest.mark.slow
 def test_an_aircraft_has_no_bound_and_the_law_beside_it_the_one_of_its_stated_disturbance():
     stall = ft.fly(shortened("weak_engine", 13.0)).runs
     assert {run.status for run in stall if run.provenance.aircraft} == {"left_envelope"}

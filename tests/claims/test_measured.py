@@ -117,6 +117,7 @@ def test_a_flight_whose_values_do_not_hold_is_outside_unless_it_only_teaches():
     assert learned == pytest.approx([0.0, 1.0], abs=1e-6)  # 0.1 rad in 0.1 s
 
 
+@pytest.mark.slow
 def test_half_of_the_flights_that_a_monitor_learns_from_teach_weights_and_half_limits():
     parts = []
 

@@ -96,6 +96,7 @@ def short_plan(changes=SHORT):
     return counting.drawn(stated)
 
 
+@pytest.mark.slow
 def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
     stated = ft.flights("circuit_in_wind_x8").knowing(None)
     plan = counting.drawn(stated)
@@ -103,6 +104,7 @@ def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
         hourly_flights.check_rates(plan, rates(kind="rudder_stuck"))
 
 
+@pytest.mark.slow
 def test_a_surface_cannot_be_stuck_beyond_its_travel():
     with pytest.raises(ft.InputError, match=r"`stuck_deg` of aileron_stuck must lie in the travel"):
         hourly_flights.check_rates(short_plan(), rates(kind="aileron_stuck", stuck_deg=[0.0, 40.0]))

@@ -100,6 +100,7 @@ def test_three_channels_have_the_optimum_of_two():
     assert three.gains.K_P[2, 1] == pytest.approx(-math.cos(CLIMB), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_one_certificate_covers_airspeeds_and_path_angles():
     models = [
         ((V, gamma), model_at(V, gamma))
@@ -193,6 +194,7 @@ WINDS = {
 
 @pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
 @pytest.mark.parametrize("kind", ["paper", "exact"])
+@pytest.mark.slow
 def test_what_thrust_carries_is_a_climb_through_the_air(kind, wind):
     """n_x of -0.04 holds V at V_low on sin(gamma) = -0.04 through the air, in any steady wind."""
     plant = point((-0.2, -0.04), g=G, wind=WindRecord.steady(wind))

@@ -223,6 +223,7 @@ VARIANTS = [
 ]
 
 
+@pytest.mark.slow
 def test_npfg_accelerates_as_its_source():
     sets, pairs = [roles("NPFG_PERIOD", **changed) for changed in VARIANTS], []
     for k, (m, track, V_sp) in enumerate(states(3)):

@@ -113,6 +113,7 @@ def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
         assert 99.0 < identified <= best
 
 
+@pytest.mark.slow
 def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
     met = windy_gap.runs[-1].signals[WIND].to_numpy()
 
@@ -201,6 +202,7 @@ def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
     assert "nothing is claimed" in charts.bound_chart(paper_gap, "chi").title
 
 
+@pytest.mark.slow
 def test_the_airspeed_has_a_table_where_it_is_a_channel():
     gap = ft.gap("speed_change_in_turn", changes={"flight.duration_s": 12.0})
 

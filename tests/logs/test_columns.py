@@ -58,6 +58,7 @@ def check_error(log_of, flight, rate, name):
 
 
 @pytest.mark.parametrize("name", [*FEW, *slow(*MORE)])
+@pytest.mark.slow
 def test_an_error_of_a_column_is_said_with_its_cure(log_of, name):
     check_error(log_of, "still air", 25, name)
 

@@ -89,6 +89,7 @@ def test_the_content_says_what_a_log_is(written, run, tmp_path):
     assert len(ft.load_log(other).signals) == len(run.signals)
 
 
+@pytest.mark.slow
 def test_a_gap_is_a_gap(clean, tmp_path):
     t, signals = clean
     kept = (t < 50.0) | (t > 53.0)
@@ -199,6 +200,7 @@ def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+@pytest.mark.slow
 def test_units_in_the_labels_of_a_table_are_read(clean, tmp_path, label, value, encoding):
     """50 kn are 92.6 km/h and 84.39 ft/s."""
     (t, signals), path = clean, tmp_path / "flight.csv"
@@ -378,6 +380,7 @@ def test_units_signs_and_names_of_a_table_are_given(clean, tmp_path):
         ("phi", np.degrees, r"phi is something else"),
     ],
 )
+@pytest.mark.slow
 def test_what_a_log_says_about_its_own_signs_is_said(clean, tmp_path, name, change, says):
     t, signals = clean
 

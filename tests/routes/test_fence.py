@@ -126,6 +126,7 @@ def test_a_needle_between_the_lines_that_a_turn_spreads_is_met(tmp_path, turns):
     assert room.limits[0, 0].min() == pytest.approx(500.0, abs=5.0 * SCAN_STEP)
 
 
+@pytest.mark.slow
 def test_windows_of_a_fence_overlap_by_two_samples_at_the_largest_airspeed(tmp_path):
     """At 10 Hz two samples are 5 m at 25 m/s and 4 m at 20 m/s; the zone is 4.5 m beyond 404 m."""
     places = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 400.0, "east_m": 0.0, "V_mps": 20.0}]
@@ -370,6 +371,7 @@ def test_the_margin_of_a_path_is_the_distance_that_shapely_finds(tmp_path):
         assert nearest["leaves_m"] == (pytest.approx(out[0], abs=1.0) if len(out) else None)
 
 
+@pytest.mark.slow
 def test_a_path_outside_has_a_margin_in_metres(band, tmp_path):
     """A zone across the leg, 100 m deep: flights come 2 m off, and the path is 50 m inside."""
     zone = ((300.0, -60.0), (400.0, -60.0), (400.0, 50.0), (300.0, 50.0))

@@ -51,6 +51,7 @@ def test_heights_above_terrain_are_flown_over_it(tmp_path):
     assert not any("unknown" in note for note in planned.scenario.notes)
 
 
+@pytest.mark.slow
 def test_a_path_below_the_ground_is_a_no(tmp_path):
     low = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.42, 8.5, 60))
     words = "mission", low, "--plan", "--terrain", terrain(tmp_path / "t.tif")
@@ -351,6 +352,7 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("to_the_right", [*slow(False), True])
+@pytest.mark.slow
 def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, to_the_right):
     """East or west on a plane that rises to the north: an edge of its lower side."""
     legs = [waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)]

@@ -105,6 +105,7 @@ OPENS = '"type":"GeometryCollection","geometries":['
 
 
 @pytest.mark.parametrize("name", marked(FILES, pytest.mark.slow, but={*FILES} - LARGE))
+@pytest.mark.slow
 def test_a_large_file_of_mistakes_is_refused_in_a_time_like_its_size(tmp_path, name):
     file, read, text = FILES[name]
     (tmp_path / file).write_text(text())

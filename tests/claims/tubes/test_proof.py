@@ -44,6 +44,7 @@ def changed(proven, tmp_path):
     return change
 
 
+@pytest.mark.slow
 def test_a_tube_reads_back_and_is_proven_again(proven):
     found, path = proven
 

@@ -73,6 +73,7 @@ def test_a_weak_certificate_says_what_it_is_worth(at_trim):
     assert "s² is too large to be a useful bound" in made.in_words
 
 
+@pytest.mark.slow
 def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
     verification = ft.verify(over_envelope)
     names = [check.name for check in verification.checks]

@@ -45,6 +45,7 @@ def responses(certificate):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_no_input_makes_a_larger_error_and_the_worst_one_attains_it(certified):
     """n(t) = sign h(T - t) is the worst input up to T."""
     attained = np.abs(responses(certified)).sum(axis=0) * DT
@@ -60,6 +61,7 @@ def test_the_law_behind_the_identified_lag_is_off_by_a_quarter_more_than_its_est
     assert np.fliplr(certified.peak_gains).diagonal() == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_the_file_verifies_and_a_smaller_gain_is_refused_by_its_name(certified):
     tables = json.loads(json.dumps(tables_of(certified)))
     assert ft.verify(value_of(tables, ft.Certificate)).valid

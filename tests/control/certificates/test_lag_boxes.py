@@ -43,6 +43,7 @@ def over_conditions():
     return ft.certify("mission", GAINS, envelope=True, changes=IDENTIFIED).certificate
 
 
+@pytest.mark.slow
 def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
     fed = replace(GAINS, feedback=(0.4, 0.3))
 

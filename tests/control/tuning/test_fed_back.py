@@ -112,6 +112,7 @@ def test_gains_in_turbulence_decay_at_half_the_rate_of_the_largest_R_K():
 
 
 @pytest.mark.parametrize("lost", [[1.6], *slow([1.6, 2.0])])
+@pytest.mark.slow
 def test_a_search_that_loses_the_integral_is_left_out(monkeypatch, lost):
     """SciPy's search may fail at a bound; without an integral, errors stay for ever."""
     end, begun = shaped._Search.end, []

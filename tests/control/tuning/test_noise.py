@@ -112,6 +112,7 @@ def tuned(*rates, **tuning):
 
 
 @pytest.mark.parametrize("rates", [(4.0, 0.2), *slow(((3.0, 0.1),))])
+@pytest.mark.slow
 def test_the_rates_of_the_commands_are_at_their_bounds_which_are_named(rates):
     result = tuned(*rates)
     roll, lift = result.in_noise.rates

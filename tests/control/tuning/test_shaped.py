@@ -144,6 +144,7 @@ def test_a_simplex_search_finds_nothing_better(objective, cost, same, i):
     assert cost(parts, gains) <= best + same * abs(best)
 
 
+@pytest.mark.slow
 def test_a_sensitivity_that_no_gains_have_is_refused():
     result = tuned("E_K", sensitivity_max=1.0 + 1e-9)
 

@@ -199,6 +199,7 @@ def test_flights_that_begin_alike_are_started_once(monkeypatch, change, starts):
     assert_same(flights[3], ft.fly(ft.scenario_from(cases[1])).runs)
 
 
+@pytest.mark.slow
 def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
     severe = {"turbulence": {"intensity": "severe"}, "seed": 3}
     made = tables(duration_s=100.0, **severe)
@@ -220,6 +221,7 @@ def test_a_flight_whose_hidden_start_is_not_found_is_flown_by_jsbsim(monkeypatch
     assert_same(compiled, by_jsbsim)
 
 
+@pytest.mark.slow
 def test_a_flight_that_comes_near_the_ground_is_that_of_jsbsim(monkeypatch):
     dive = {"flight": {"h_m": 70.0}, "reference": {"chi_deg": 20.0, "gamma_deg": -30.0}}
     compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=20.0, **dive))

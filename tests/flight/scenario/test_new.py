@@ -127,6 +127,7 @@ def test_a_law_beside_an_aircraft_has_its_limits_unless_others_are_stated(phi_de
     assert np.rad2deg(run.signals["phi_cmd"].abs().max()) == pytest.approx(most)
 
 
+@pytest.mark.slow
 def test_requirements_of_options_are_those_of_the_scenario(tmp_path):
     answer("new", "mine", "--overshoot", "3", "--settle", "8", cwd=tmp_path)
     made = ft.load_scenario(tmp_path / "mine.toml")

@@ -46,6 +46,7 @@ def test_noise_gain_is_the_frequency_response_of_the_law(look_ahead):
     assert responses(gains, look_ahead) == pytest.approx(gain, rel=0.01)
 
 
+@pytest.mark.slow
 def test_an_export_says_what_its_law_needs(tmp_path):
     exported = ft.export("c172_cruise_turn", "tuned", out=tmp_path, form="c")
 

@@ -62,6 +62,7 @@ def test_a_gain_that_is_moved_flies_as_the_same_gain_of_a_file(tmp_path):
         assert one.signals.equals(other.signals)
 
 
+@pytest.mark.slow
 def test_without_limits_those_of_the_aircraft_are_flown_and_have_sliders():
     scenario, every = page_of("climb_beyond_power")
     stated = ft.load_scenario("climb_beyond_power")

@@ -58,6 +58,7 @@ def contents(recording):
 KEYS = ("kinematic_paper", "jsbsim_aerosonde_paper", "kinematic_tuned", "jsbsim_aerosonde_tuned")
 
 
+@pytest.mark.slow
 def test_times_are_exact_to_the_nanosecond(contents, four_runs):
     for key, run in zip(KEYS, four_runs, strict=True):
         wanted = [round(1e9 * t) for t in run.signals.index]

@@ -48,6 +48,7 @@ def late_actuator(part, of=components._COMPONENTS["actuator"]):
     ],
     ids=["quaternion", "gravity", "actuator"],
 )
+@pytest.mark.slow
 def test_a_wrong_operation_is_found_and_jsbsim_flies(wrong, empty_cache, monkeypatch):
     place, name, operation = wrong
     setter = monkeypatch.setitem if isinstance(place, dict) else monkeypatch.setattr
@@ -202,6 +203,7 @@ def test_a_damaged_or_forged_step_is_made_anew(damage, empty_cache):
     assert len(made) == 2
 
 
+@pytest.mark.slow
 def test_steps_are_the_users_alone_and_read_in_milliseconds(empty_cache):
     config = aircraft.load_aircraft("x8")
     assert isinstance(compiled(config), CompiledStep)
@@ -236,6 +238,7 @@ kept_or_made("b" * 64, make)
 """
 
 
+@pytest.mark.slow
 def test_a_step_is_made_once_though_many_processes_ask(empty_cache):
     asking = [
         subprocess.Popen(
@@ -247,6 +250,7 @@ def test_a_step_is_made_once_though_many_processes_ask(empty_cache):
     assert sorted(one.communicate()[0] for one in asking) == ["", "", "", "made\n"]
 
 
+@pytest.mark.slow
 def test_a_step_that_one_draw_cannot_check_is_checked_by_another(empty_cache):
     weak, strong = (
         aircraft.load_aircraft("aerosonde").with_off_nominal(
@@ -260,6 +264,7 @@ def test_a_step_that_one_draw_cannot_check_is_checked_by_another(empty_cache):
     assert isinstance(compiled(weak), CompiledStep)
 
 
+@pytest.mark.slow
 def test_a_step_that_no_draw_can_check_is_refused(empty_cache, monkeypatch):
     checked, check = [], face.check_flight
     monkeypatch.setattr(face, "check_flight", lambda *x: checked.append(x) or check(*x))

@@ -45,6 +45,7 @@ def test_the_lag_that_made_the_data_is_found(lag):
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.033, 0.0056])
+@pytest.mark.slow
 def test_a_lag_answers_held_commands_as_scipy_has_it(order, delay):
     """Delays are whole steps of 0.2 ms, over which SciPy's answer to held commands is exact."""
     lag = ft.loop.InnerLag(order=order, natural_frequency=6.0, damping=0.4, lag=0.15, delay=delay)

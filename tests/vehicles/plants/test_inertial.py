@@ -38,6 +38,7 @@ def test_noise_is_white_noise_behind_the_filter_of_an_autopilot(rate, cutoff):
     assert drawn.std(axis=0) == pytest.approx(expected, rel=FOUR_SIGMA / math.sqrt(2.0 * n / 5))
 
 
+@pytest.mark.slow
 def test_biases_have_their_deviations():
     """Of the gyros what a Kalman filter with EKF2's gains leaves of their random walk."""
     means = np.array(

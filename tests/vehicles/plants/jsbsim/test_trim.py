@@ -143,6 +143,7 @@ def behind_lever(folder, system, **settle):
     return folder
 
 
+@pytest.mark.slow
 def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
     plain = level_throttle("aerosonde")
     folder = behind_lever(tmp_path / "lever", LEVER)
