@@ -29,6 +29,7 @@ from flighttune.claims.counted import Counted, flown_by
 from flighttune.claims.measured import SAME, Measured
 from flighttune.claims.shape import MIN_LEARNED
 from flighttune.control.theory.exact import Check, Verification
+from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import SCORE, Alarm, Bounds, Kind, Run, RunClaim
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps import watch as watching
@@ -88,6 +89,11 @@ class Watching(Answering):
     def not_about(self, run: Run) -> str:
         """Why the claim does not cover a scored run; empty if it does."""
         raise NotImplementedError
+
+    def not_counted(self, entry: Entry) -> str:
+        """First difference of a scenario's flights from the counted ones; logs are of none."""
+        del entry
+        return ""
 
     def on(self, run: Run) -> RunClaim:
         """The score of a run with the watched signals, at most 1 without an alarm."""
@@ -244,6 +250,12 @@ class Monitor(Counted, Watching):
         if run.provenance.log:
             return "it is the log of a real flight, counted on simulated ones"
         return Counted.not_about(self, run)
+
+    def not_counted(self, entry: Entry) -> str:
+        """First difference of a scenario's flights from the counted ones, apart from faults."""
+        label = entry.plant.label if entry.plant.aircraft else "no aircraft"
+        otherwise = self.flights.flown_otherwise(label, entry.name, entry.gains)
+        return otherwise or self.flights.not_counted(entry.scenario, label, entry.name, self.unlike)
 
     @property
     def _leaves(self) -> str:

@@ -153,16 +153,6 @@ def _of_exact_law(law: RateLaw) -> dict[str, Any]:
     return {**numbers, "course_first": int(law.course_first), "feedback": _numbers(law.feedback)}
 
 
-def _not_counted(monitor: Watching, entry: Entry) -> str:
-    """First difference between a scenario's flights and a monitor's; empty if equal."""
-    if not isinstance(monitor, Monitor):
-        return ""
-    label = entry.plant.label if entry.plant.aircraft else "no aircraft"
-    otherwise = monitor.flights.flown_otherwise(label, entry.name, entry.gains)
-    about = entry.scenario, label, entry.name, monitor.unlike
-    return otherwise or monitor.flights.not_counted(*about)
-
-
 def monitor_source(monitor: Watching, *, title: str, dt: float, no_claim: str = "") -> str:
     """The C99 text of a monitor, sampled every `dt` (s); it needs only ``math.h``.
 
@@ -319,7 +309,7 @@ def export(
         with together(out):
             source = export_c(entry, Path(out))
             if watching is not None:
-                if why := _not_counted(watching, entry):
+                if why := watching.not_counted(entry):
                     notes = (f"no claim about flights of this scenario: {why}.", *notes)
                 dt = 1.0 / loaded.controller.rate_hz
                 text = monitor_source(watching, title=loaded.title, dt=dt, no_claim=why)
