@@ -315,6 +315,11 @@ def test_what_cannot_be_asked_before_a_flight_is_refused(asked, words):
         asked(ft.gym.FlightEnv("mission"))
 
 
+def test_a_world_that_is_not_there_may_be_of_any_kind():
+    with pytest.raises(ft.ScenarioError, match="the scenario, campaign or mission must be a file"):
+        ft.gym.FlightEnv("nope")
+
+
 @pytest.mark.parametrize(
     ("asked", "words"),
     [

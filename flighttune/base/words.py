@@ -26,6 +26,12 @@ def number(value: float, form: str = ".4g") -> str:
     return f"{value:{form}}"
 
 
+def told_apart(a: float, b: float) -> tuple[str, str]:
+    """Two numbers with four digits, or with as many more as tell them apart."""
+    texts = [(number(a, f".{digits}g"), number(b, f".{digits}g")) for digits in range(4, 18)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[0])
+
+
 def at_most(bound: float, digits: int = 4) -> str:
     """An upper bound rounded upwards to this number of significant digits."""
     return _rounded(bound, digits, ROUND_CEILING)

@@ -91,7 +91,9 @@ class Kept:
             values = LOST * (len(values) // 2)
         if self.windy:
             values = [*values, *wind_at_start(scenario)]
-        return [*values, *navigation_errors_of(run)] if self.navigated else values
+        if not (self.navigated and scenario.route):
+            return values
+        return [*values, *navigation_errors_of(run, scenario.route.look_ahead_s)]
 
 
 def drawn(

@@ -11,7 +11,7 @@ from pydantic import Field
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
 from flighttune.base.names import key_words, unit_of_key
-from flighttune.base.words import listed, number
+from flighttune.base.words import figures, listed, number
 from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import OffNominal
@@ -163,7 +163,7 @@ class Distribution:
             "turbulence": intensity,
             "sensors": ", ".join(errors),
             "navigation": self._navigation,
-            "disturbance": f"up to {largest:g} rad/s" if largest else "",
+            "disturbance": f"up to {figures(largest)} rad/s" if largest else "",
         }
         if words["wind"]:
             origins = self._values("wind.", "from_deg")
@@ -343,7 +343,7 @@ def _how(table: Mapping[str, Any]) -> str:
         share = " of its value" if table.get("acts") == "multiplies" else ""
         key = PLACE.sub("", table.get("key", ""))
         unit = unit_of_key(key) if "sd" in table and not share else ""
-        return f"{kind.replace('_', '-')}, sd {sd:g} {unit}".rstrip() + share
+        return f"{kind.replace('_', '-')}, sd {figures(sd)} {unit}".rstrip() + share
     if kind == "uniform":
         return kind
     weights = table.get("weights") or [1.0]

@@ -9,9 +9,13 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.routes.follow import SEEN_SIGNALS
 
-# A flight begins beside the place where its autopilot believes it to be, and flies that error off
-# at once: its distances as seen are told for this share of its time.
+# The distances that an autopilot sees are told for this share of its time.
 MOST_OF_THE_TIME = 0.95
+
+# A flight begins beside the place where its autopilot believes it to be. Its course leads back to
+# the path as exp(-t / T), T being the look-ahead time: after five times T, less than 1 % is left.
+# This start is no error of flying and is left out, at most half of a short flight.
+JOINING = 5.0
 
 # Numbers of a flight: errors beside the route and in height, then the distances seen.
 NUMBERS = 4
@@ -22,20 +26,22 @@ class NavigationErrors(NamedTuple):
 
     beside: float  # largest error of position across the path
     above: float  # in height
-    seen_beside: float  # distance across the path as seen, for `MOST_OF_THE_TIME`
+    seen_beside: float  # distance across the path as seen, for `MOST_OF_THE_TIME` once joined
     seen_above: float
 
 
-def navigation_errors_of(run: Run) -> list[float]:
+def navigation_errors_of(run: Run, look_ahead: float) -> list[float]:
     """Largest errors (m) of the distances from its route that the autopilot of a run saw.
 
-    After them the distances (m) that it saw, for `MOST_OF_THE_TIME`: the flight technical error.
+    After them the distances (m) that it saw, the flight technical error: for `MOST_OF_THE_TIME`
+    from `JOINING` times its `look_ahead` (s) on.
     """
     seen, true = (
         np.stack([run.signals[name].to_numpy() for name in names])
         for names in (SEEN_SIGNALS, OFF_ROUTE)
     )
-    flying = np.quantile(np.abs(seen), MOST_OF_THE_TIME, axis=1)
+    joined = run.t >= min(JOINING * look_ahead, 0.5 * float(run.t[-1]))
+    flying = np.quantile(np.abs(seen[:, joined]), MOST_OF_THE_TIME, axis=1)
     return [*np.abs(seen - true).max(axis=1).tolist(), *flying.tolist()]
 
 

@@ -238,8 +238,8 @@ def count_per_hour(
     ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
     with WorkerPool(fliers) as pool:
         flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
-        pool.progress.budget = sum(map(rates.flights_of, (None, *range(len(rates.fault)))))
-        pool.progress.budget -= flying.kept.flights
+        stated = [(None, None), *((i, fault.ended_s) for i, fault in enumerate(rates.fault))]
+        pool.progress.budget = sum(flying.missing(*term) for term in stated)
         healthy = flying.term(None, None, 0.0)
         # The flights without a fault say how long a flight lasts.
         window_s = max(healthy.end_s)
@@ -265,6 +265,10 @@ class _Flying:
     ends: Ends
     kept: KeptTerms
 
+    def missing(self, fault: int | None, ended_s: float | None) -> int:
+        """Number of flights of a term that are still to be flown."""
+        return self.ends.rates.flights_of(fault) - len(self.kept.begun(fault, ended_s))
+
     def term(self, fault: int | None, ended_s: float | None, window_s: float) -> FlownTerm:
         """The flights of a term, after those that are kept of it."""
         rates, number = self.ends.rates, self.ends.rates.flights_of(fault)
@@ -288,7 +292,7 @@ class _Flying:
         if bound.total - bound.faults[fault] >= target:
             return  # no time of ending is early enough
         for ended_s in (x for x in LATER_S if x >= (table.detected_s or 0.0)):
-            self.pool.progress.budget += table.flights
+            self.pool.progress.budget += self.missing(fault, ended_s)
             term = self.term(fault, ended_s, counted.exposure.window_s)
             yield term
             if counted.total_with(term) > target:

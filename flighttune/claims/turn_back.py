@@ -96,8 +96,9 @@ class TurnRoom(NamedTuple):
 
 
 # Errors of receiver, of holding the position and of the map, m, and the least width and height of
-# a flight geography in largest dimensions: LBA, Guidance for Dimensioning of Flight Geography,
-# Contingency Volume and Ground Risk Buffer, 1.7 (2024).
+# a flight geography in largest dimensions. They are of the LBA's Guidance for Dimensioning of
+# Flight Geography, Contingency Volume and Ground Risk Buffer, 1.7 (2024), as calculators quote it;
+# that of flight-geography-calculator.dronedesk.io has the sums and the three dimensions.
 S_GPS, S_POS, S_K, LEAST_SIZES = 3.0, 3.0, 1.0, 3.0
 
 # Words for the ends of flights.
@@ -160,7 +161,7 @@ class TurnBack(Counted):
             raise InputError(f"volumes must be of a room and the band of its route, got {got}.")
         # The flight geography has the largest width and height of the corridor, a band along the
         # route. The contingency volume adds the room to turn back, and the ground risk buffer adds
-        # the contingency volume's height over ground.
+        # the contingency volume's height over ground and half of the largest dimension.
         planned = corridor.flights.route
         path, h_0 = planned.reference.path, planned.where[2]
         along, north, east, _, _, h, V_a, *_ = self.table.columns
@@ -183,11 +184,12 @@ class TurnBack(Counted):
         low, high = max(float(heights.min()) - above, 0.0), float(heights.max()) + above
         geography = Volume(beside, low, max(high, low + least), claimed.claim)
         around = self.room.around(geography, printable(self.sentence))
-        width, top = around.width + around.high, around.high
+        top = around.high
+        width = around.width + top + 0.5 * self.largest_dimension
         return {
             GEOGRAPHY: geography,
             CONTINGENCY: around,
-            BUFFER: Volume(width, 0.0, top, "as wide as it is high"),
+            BUFFER: Volume(width, 0.0, top, "as wide as it is high, and half the span"),
         }
 
     @property
@@ -198,11 +200,13 @@ class TurnBack(Counted):
     def terms(self, corridor: Band) -> list[dict[str, Any]]:
         """Terms of the width of a contingency volume: of the guideline, and as counted, m.
 
-        The room that was counted is reaction and manoeuvre together. The last row has their sum.
+        The guideline's speed is over ground, so the planned wind is added to the airspeed. The room
+        that was counted is reaction and manoeuvre together. The last row has their sum.
         """
-        V_a, g = max(self.flights.central.airspeeds), self.flights.central.flight.g_mps2
-        reaction = V_a * self.table.reaction_s
-        turn = self.table.formula(V_a, g) - reaction
+        g = self.flights.central.flight.g_mps2
+        V_0 = max(self.flights.central.airspeeds) + max(self.table.wind(g), 0.0)
+        reaction = V_0 * self.table.reaction_s
+        turn = self.table.formula(V_0, g) - reaction
         beside = self.volumes(corridor)[GEOGRAPHY].width
         errors = navigation_errors(corridor)
         navigation = 0.0 if errors is None else min(errors.beside, beside)

@@ -245,7 +245,7 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     out, _ = flighttune(
         "compare", "level_turn", "--with", file, "--out", page, "--workers", "1", status=0
     )
-    assert "The largest errors of 1 flights; 59 are needed for a bound" in " ".join(out.split())
+    assert "The largest errors of 1 flight; 59 are needed for a bound" in " ".join(out.split())
     shown = page.read_text()
     parts = re.findall(r'<(section|details) id="(\w+)"( open)?', shown)
     assert parts[:4] == [

@@ -67,15 +67,35 @@ def test_a_path_through_the_air_cannot_be_known_by_a_grade():
         knowing(ft.scenario_from(made), "rtk")
 
 
-def test_flying_is_what_the_autopilot_sees_for_most_of_the_time():
-    # 4 m off at first, which it flies off in 4 % of the time; then 0.2 m, its place 3 m off
-    off = np.where(np.arange(1000) < 40, 4.0, 0.2)
+def seen_of(off, t):
+    """A run that sees itself so far off its route, m, its place 3 m off."""
     off_true = {"cross_track": off - 3.0, "height_err": 2.0 * off - 1.0}
-    seen = {"cross_track_seen": off, "height_err_seen": 2.0 * off}
+    return made_up_run(off_true | {"cross_track_seen": off, "height_err_seen": 2.0 * off}, t)
 
-    errors = known.navigation_errors_of(made_up_run(off_true | seen, np.arange(1000.0)))
+
+def test_flying_is_what_the_autopilot_sees_for_most_of_the_time():
+    # 4 m off in 4 % of the time, else 0.2 m
+    t = np.arange(1000.0)
+
+    errors = known.navigation_errors_of(seen_of(np.where(t >= 960.0, 4.0, 0.2), t), 3.0)
 
     assert errors == pytest.approx([3.0, 1.0, 0.2, 0.4])
+
+
+@pytest.mark.parametrize(
+    ("most", "seen"), [(60.0, 0.25), (10.0, 3.0 * np.exp(-5.25 / 3.0))], ids=["route", "short"]
+)
+def test_joining_the_path_is_no_error_of_flying(most, seen):
+    # from 3 m off along exp(-t / T) in front of an error of 0.25 m, T being 3 s: five times T, or
+    # half of a flight that is shorter, are left out; 95 % of the last 5 s begin after 5.25 s
+    t = np.linspace(0.0, most, 10_001)
+
+    *reach, beside, above = known.navigation_errors_of(
+        seen_of(np.maximum(3.0 * np.exp(-t / 3.0), 0.25), t), 3.0
+    )
+
+    assert reach == pytest.approx([3.0, 1.0])
+    assert (beside, above) == pytest.approx((seen, 2.0 * seen), rel=1e-3)
 
 
 @pytest.mark.slow

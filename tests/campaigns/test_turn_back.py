@@ -356,16 +356,20 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     assert geography == pytest.approx((5.0, 98.0, 122.0), abs=CLIMBS)
     assert contingency == pytest.approx((277.0, 94.0, 126.0), abs=CLIMBS)
     assert buffer == pytest.approx((277.0 + 126.0, 0.0, 126.0), abs=CLIMBS)
-    # The guidance of the LBA: 3 m, 3 m, 1 m, a second at 25 m/s, and V^2 / (g tan(bank)).
+    # The guidance of the LBA: 3 m, 3 m, 1 m, a second over ground, at 25 m/s with the route's wind
+    # of 11 m/s from behind, and V^2 / (g tan(bank)).
     terms = {row["term"]: row["guideline"] for row in said.values["turn_back"]["terms"]}
-    assert [terms[f"S_{x}"] for x in ("GPS", "Pos", "K", "RZ")] == [3.0, 3.0, 1.0, 25.0]
-    assert terms["S_CM"] == pytest.approx(25.0**2 / (9.81 * np.tan(np.deg2rad(BANK))))
+    assert [terms[f"S_{x}"] for x in ("GPS", "Pos", "K")] == [3.0, 3.0, 1.0]
+    assert terms["S_RZ"] == pytest.approx(36.0)
+    assert terms["S_CM"] == pytest.approx(36.0**2 / (9.81 * np.tan(np.deg2rad(BANK))))
     counted = [row["counted"] for row in said.values["turn_back"]["terms"]]
     # It knows its place exactly; the sum is the width of the contingency volume.
     assert counted == [0.0, pytest.approx(5.0), None, None, 272.0, pytest.approx(277.0)]
     with mock.patch.object(TurnBack, "largest_dimension", 40.0):
-        geography = room.volumes(corridor)["flight geography"]
+        geography, contingency, buffer = room.volumes(corridor).values()
     assert (geography.width, geography.high - geography.low) == (60.0, 120.0)
+    # as wide as the contingency volume is high, and half of the largest dimension
+    assert buffer.width - contingency.width == pytest.approx(contingency.high + 20.0)
 
 
 def test_a_corridor_names_the_errors_of_navigation_in_it():

@@ -14,6 +14,9 @@ from flighttune.claims.monitor import FAULTS
 V_RAMP = {"chi_deg": 0.0, "gamma_deg": 0.0}
 V_RAMP["V_mps"] = [{"shape": "ramp", "start_s": 1.0, "duration_s": 1.5, "rate_mps2": 2.0}]
 
+MASS = {"key": "plant.airframe.mass_factor", "distribution": "log_normal", "median": 1.0}
+MASS["sd_log"] = 0.0487901642  # more digits than a reader compares
+
 
 def route_at(*airspeeds, holds_airspeed=True):
     """A route north whose waypoints set these airspeeds; the last one ends the flight."""
@@ -63,6 +66,7 @@ def spoken(*disperse, **tables):
             "drawn at random: gains the same at all airspeeds or proportional to airspeed",
         ),
         ([uniform("flight.chi_deg", -5.0, 5.0)], {}, "drawn at random: initial course -5 to 5 deg"),
+        ([MASS], {}, "(log-normal, sd 0.0488)"),
     ],
 )
 def test_the_sentence_names_the_air_the_airspeed_and_ranges_with_units(disperse, tables, words):

@@ -36,6 +36,9 @@ from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import goes_by
 from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
 
+# Folders that the name of a shipped campaign may begin with.
+FOLDERS = "campaigns", "scenarios/campaigns"
+
 
 def load_campaign(
     path: str | Path,
@@ -87,8 +90,7 @@ def campaign_table(
     path: str | Path, changes: Mapping[str, Any] | None = None, until_sure: float | None = None
 ) -> tuple[CampaignTable, Path]:
     """The tables of a campaign file with values set, and the file; its scenario is not read."""
-    folders = "campaigns", "scenarios/campaigns"
-    file = load.existing_file(path, "campaign", campaign_files(), folders)
+    file = load.existing_file(path, "campaign", campaign_files(), FOLDERS)
     tables = load.with_code(toml_tables(file), file)
     if "flight" in tables and "scenario" not in tables:
         raise ScenarioError(
@@ -408,7 +410,9 @@ def flights(
     if (kind := kind_of(place)) not in ("", DATASET):
         raise InputError(f"{place}: must be what can be flown, got {SHOWN[kind]}.")
     if not kind:
-        return _of(load_campaign(place, changes=changes), place)
+        names = {**scenario_files(), **campaign_files()}
+        file = load.existing_file(place, "scenario, campaign or mission", names, FOLDERS)
+        return _of(load_campaign(file, changes=changes), place)
     if changes:
         raise InputError(f"{place}: `--set` must be absent for a campaign already flown.")
     return _of(recorded_plan(place)[0], place)

@@ -33,7 +33,7 @@ def answer(beside: Beside) -> Answer:
     accuracy, now = beside.accuracy, beside.now
     ended = beside.rows[beside.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
     lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
-    kept, bound = kept_errors(beside)
+    kept, bound = kept_errors(beside.plan.draws)
     unused = ", ".join(now.unused) or "none"
     return Answer(
         summary=summary(beside, kept, accuracy, lost),
@@ -71,10 +71,10 @@ def answer(beside: Beside) -> Answer:
     )
 
 
-def kept_errors(beside: Beside) -> tuple[str, str]:
-    """Words for the bounds on errors of a new flight, in short and with the confidence."""
-    if (n := beside.plan.draws) < (needed := flights_needed(EPSILON, CONFIDENCE)):
-        largest = f"the largest errors of {n} flights"
+def kept_errors(n: int) -> tuple[str, str]:
+    """Words for the bounds on errors of a new flight by n draws, in short and with confidence."""
+    if n < (needed := flights_needed(EPSILON, CONFIDENCE)):
+        largest = f"the largest errors of {n} flight{'s' * (n > 1)}"
         return largest, f"{largest.capitalize()}; {needed} are needed for a bound"
     kept = f"the errors that {100.0 * (1.0 - EPSILON):g} % of flights keep to"
     sure = f"each by itself, at a confidence of {100.0 * CONFIDENCE:g} %"

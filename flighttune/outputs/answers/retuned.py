@@ -2,7 +2,7 @@
 
 from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.answers.beside import TRACKING, margins_at
+from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CUT, YOURS
 from flighttune.studies.retune import TUNED, WEIGHTS, Candidate, Retuned
@@ -52,7 +52,7 @@ def answer(retuned: Retuned) -> Answer:
         },
         tables=[
             Table(CHANGES, rows, f"parameters of {retuned.now.name}"),
-            Table(ACCURACY, accuracy, "errors that 95 % of flights keep to"),
+            Table(ACCURACY, accuracy, kept_errors(retuned.plan.draws)[1]),
             Table(TRACKING, retuned.tracking, "the log, and the flights with your parameters"),
         ],
         notes=[*retuned.notes, EMULATED, NOT_SEARCHED],

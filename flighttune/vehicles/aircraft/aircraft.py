@@ -17,6 +17,7 @@ from flighttune.base.files.shipped import aircraft_folder
 from flighttune.base.files.table import hash_of, json_tables, stamp, toml_tables, validated
 from flighttune.base.files.whole import UNFINISHED, settle, write_text
 from flighttune.base.units import DEG
+from flighttune.base.words import told_apart
 from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
 
@@ -436,7 +437,8 @@ def start_faults(
     ):
         if not low <= value <= high:
             allowed = f"{low / unit:g} to {high / unit:g}{symbol} ({config.file})"
-            yield name, f"must lie in {allowed}, got {value / unit:g}{symbol}"
+            got, _ = told_apart(value / unit, (low if value < low else high) / unit)
+            yield name, f"must lie in {allowed}, got {got}{symbol}"
 
 
 def files_hash(aircraft: str) -> str:

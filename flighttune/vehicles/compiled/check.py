@@ -10,6 +10,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, PlantError
+from flighttune.base.words import told_apart
 from flighttune.control.controller import FlightCondition
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled.aircraft import CompiledStep
@@ -217,9 +218,9 @@ def _difference(names: Sequence[str], expected: FloatArray, actual: FloatArray, 
         size = np.abs(expected).max(axis=0, initial=0.0)
         relative = np.abs(actual - expected).max(axis=0) / np.where(size > 0.0, size, 1.0)
     worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
-    wanted, got = float(expected[first, j]), float(actual[first, j])
+    wanted, got = told_apart(float(expected[first, j]), float(actual[first, j]))
     return (
-        f"`{names[j]}` differs first, in step {first + 1}: {wanted!r} by JSBSim, {got!r} compiled; "
+        f"`{names[j]}` differs first, in step {first + 1}: {wanted} by JSBSim, {got} compiled; "
         f"most differs `{names[worst]}`, by {relative[worst]:.1e} of its largest value; "
         f"{int((~same.all(axis=0)).sum())} of {len(names)} properties differ"
     )

@@ -218,7 +218,7 @@ def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
         return condition
     problem = _TrimProblem(Fdm(config), condition)
     if (x := problem.root(problem.start)) is None:
-        raise TrimError(f"{config.file}: no steady glide at V_a {V_a:g} m/s, h {h:g} m.")
+        raise TrimError(f"{config.file}: no steady glide at V_a {V_a:.4g} m/s, h {h:.0f} m.")
     return replace(condition, gamma=problem.gamma(x))
 
 
@@ -250,8 +250,8 @@ class _TrimProblem:
         self._bench = Bench(fdm, condition.h)
         self._condition = c = condition
         self._failure = (
-            f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
-            f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg"
+            f"{fdm.config.file}: no steady flight at V_a {c.V_a:.4g} m/s, h {c.h:.0f} m, "
+            f"gamma {c.gamma / DEG:.4g} deg, phi {c.phi / DEG:.4g} deg"
         )
         envelope, surfaces = fdm.config.envelope, fdm.config.surfaces
         self._rudderless = surfaces.rudder is None

@@ -111,6 +111,14 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
         ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
 
 
+@pytest.mark.parametrize(("V_a", "got"), [(10.56789, "10.57"), (14.99999, "14.99999")])
+def test_an_airspeed_outside_the_envelope_has_the_digits_that_it_deserves(V_a, got):
+    (record,) = ft.trim("aerosonde", V_a=[V_a], gamma=[0.0]).records
+
+    said = f"outside the envelope: `V_a` must lie in 15 to 45 m/s, got {got} m/s"
+    assert record["reason"] == said
+
+
 def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
 
