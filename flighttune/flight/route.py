@@ -18,6 +18,7 @@ from flighttune.flight.conditions import reference_of, slopes_not_held
 from flighttune.flight.load import SPEED, as_scenario, is_model, route_scenario
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.follow import RouteReference
+from flighttune.routes.items import listed_places
 from flighttune.routes.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
 from flighttune.routes.mission import KINDS, ROUTE_FILES, read_route, route_plan
 from flighttune.routes.path import STEP
@@ -107,7 +108,7 @@ class PlannedRoute(Answering):
         assert self.scenario.route is not None
         stretches, notes = self.reference.path.stretches, []
         if around := [x for x in stretches if x.kind == "turn-around"]:
-            places = ", ".join(dict.fromkeys(stretch.name for stretch in around))
+            places = listed_places(stretch.name for stretch in around)
             farthest = max(stretch.aside for stretch in around)
             notes = [f"Turn-arounds at {places} go up to {farthest:.0f} m from the legs."]
         path, points = self.reference.path, self.scenario.route.waypoints()
@@ -119,7 +120,7 @@ class PlannedRoute(Answering):
                 away = np.hypot(path.north[on] - point.north, path.east[on] - point.east)
                 inside[stretch.name] = float(away.min())
         if far := [name for name, away in inside.items() if away > CORNER_M]:
-            rounded = f"The path rounds the corners at {', '.join(far)}"
+            rounded = f"The path rounds the corners at {listed_places(far)}"
             notes.append(
                 f"{rounded} and passes their waypoints at up to {max(inside.values()):.0f} m."
             )
@@ -197,11 +198,11 @@ def planned_route(scenario: Scenario) -> PlannedRoute:
     if table is None or not isinstance(reference, RouteReference):
         raise InputError(f"{scenario.title}: `route` must be given, got a reference over time.")
     wind = table.wind_at(reference.V_a)
-    slowest = f"{reference.V.min():g} to " if reference.airspeeds is not None else ""
+    slowest = f"{reference.V.min():.4g} to " if reference.airspeeds is not None else ""
     conditions = (
-        f"airspeed {slowest}{reference.V_a:g} m/s{scenario.assumed_words}, "
+        f"airspeed {slowest}{reference.V_a:.4g} m/s{scenario.assumed_words}, "
         f"turns for wind up to {wind:.3g} m/s{' (assumed)' * (table.wind_mps is None)}, "
-        f"start {scenario.flight.h_m:g} m above sea level"
+        f"start {round(scenario.flight.h_m, 1):g} m above sea level"
     )
     return PlannedRoute(scenario=scenario, reference=reference, wind=wind, conditions=conditions)
 

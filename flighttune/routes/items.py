@@ -1,9 +1,10 @@
 """Items of a mission by their MAVLink numbers, and the path of each item."""
 
 import math
+import re
 import tomllib
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
@@ -36,6 +37,8 @@ RALLY = 5100
 AREAS = (*range(5000, 5005), RALLY)  # fences and rally points
 ENDS = (RETURN, LAND, VTOL_LAND)
 PLACED = (WAYPOINT, *CIRCLES, LAND, VTOL_LAND)
+
+_NUMBERED = re.compile(r"item (\d+)")  # name of a place of an item
 
 # Index of the radius among the parameters of circles.
 RADIUS = {UNLIMITED: 2, TURNS: 2, TIMED: 2, TO_HEIGHT: 1}
@@ -436,6 +439,15 @@ def listed_items(numbers: Mapping[str, Collection[int]]) -> str:
         f"item{'s' * (len(items) > 1)} {', '.join(_runs(items))} ({name})"
         for name, items in numbers.items()
     )
+
+
+def listed_places(names: Iterable[str]) -> str:
+    """Places of a route, each once; numbered items share one word."""
+    places = dict.fromkeys(names)
+    items = {int(found[1]) for name in places if (found := _NUMBERED.fullmatch(name))}
+    others = [name for name in places if not _NUMBERED.fullmatch(name)]
+    numbered = f"item{'s' * (len(items) > 1)} {', '.join(_runs(items))}"
+    return ", ".join([numbered, *others] if items else others)
 
 
 def _runs(numbers: Collection[int]) -> Iterator[str]:

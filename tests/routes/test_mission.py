@@ -9,7 +9,7 @@ from fuzzing import refused_apart
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes import maps
+from flighttune.routes import items, maps
 from flighttune.routes.mission import read_route
 
 NO_PLACE = (0, 0, 0, 0)
@@ -638,6 +638,30 @@ def test_the_airspeed_and_the_wind_that_are_assumed_are_in_the_first_lines(tmp_p
     ) in " ".join(flighttune("mission", "--plan", file)[0].split()[:60])
     conditions = answer("mission", "--plan", file, *stated)["conditions"]
     assert conditions == "airspeed 24 m/s, turns for wind up to 5 m/s, start 540 m above sea level"
+
+
+def test_numbers_of_a_route_have_the_digits_of_a_map(tmp_path):
+    legs = [waypoint(47.4 + 0.001 * (k % 2), 8.5 + 0.0004 * (k // 2), 60) for k in range(6)]
+    file = plan_file(tmp_path / "m.plan", *PATROL[:1], *legs, home=(47.4, 8.5, 486.963))
+
+    said, *_ = flighttune("mission", "--plan", file)
+
+    said = " ".join(said.split())
+    assert "start 547 m above sea level" in said  # the first waypoint is 60 m above home
+    assert "Turn-arounds at items 3 to 6 go up to" in said
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["item 9", "item 3", "item 9"], "items 3, 9"),
+        (["item 3", "home", "item 4", "item 5"], "items 3 to 5, home"),
+        (["item 12"], "item 12"),
+        (["north corner", "item 2b"], "north corner, item 2b"),
+    ],
+)
+def test_places_are_listed_once_and_numbers_share_one_word(names, said):
+    assert items.listed_places(names) == said
 
 
 def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
