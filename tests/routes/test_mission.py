@@ -9,7 +9,8 @@ from fuzzing import refused_apart
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes import items, maps
+from flighttune.routes import maps
+from flighttune.routes.items import listed_places
 from flighttune.routes.mission import read_route
 
 NO_PLACE = (0, 0, 0, 0)
@@ -661,7 +662,7 @@ def test_numbers_of_a_route_have_the_digits_of_a_map(tmp_path):
     ],
 )
 def test_places_are_listed_once_and_numbers_share_one_word(names, said):
-    assert items.listed_places(names) == said
+    assert listed_places(names) == said
 
 
 def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
