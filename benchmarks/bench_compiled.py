@@ -92,12 +92,14 @@ def main() -> int:
     loop.COMPILED_FROM = 0
     still = circuit()
     rough = scenario_from(still.as_dict() | {"turbulence": {"intensity": "moderate"}})
+    unsure = scenario_from(still.as_dict() | {"navigation": {"grade": "standard"}})
     campaign = plan(AIRCRAFT, START + AIRFRAME, **DEFAULT)
     name = still.gain_names[0]
     gains, label = gain_set(still, name), still.aircraft[0].label
     flown = {
         "still air": lambda: fly_alone(entry_of(still, name, gains, label)),
         "turbulence": lambda: fly_alone(entry_of(rough, name, gains, label)),
+        "errors of navigation": lambda: fly_alone(entry_of(unsure, name, gains, label)),
         "row": lambda: rows.fly_runs(campaign, [1]),
     }
     flown = {name: begun_anew(do) for name, do in flown.items()} | {

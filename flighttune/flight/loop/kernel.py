@@ -27,6 +27,7 @@ from flighttune.routes import follow, path
 from flighttune.routes.follow import guidance, path_at, placed, steepest_sine
 from flighttune.vehicles.plants import base, point_mass, sensors
 from flighttune.vehicles.plants.jsbsim import properties
+from flighttune.vehicles.plants.navigation import Arithmetic
 from flighttune.vehicles.plants.point_mass import LOST
 
 try:
@@ -157,6 +158,45 @@ def fly_block(first, end, sensor_errors, flights, result):
 def error_measures(t, ref, error, effort, limited):
     """The function of that name, compiled."""
     return measures.error_measures(t, ref, error, effort, limited)
+
+
+@sample_kernel
+def mapped(matrix, rows, out):
+    """`Arithmetic.mapped`, compiled."""
+    for i in range(len(matrix)):
+        begun = False
+        for j in range(len(rows)):
+            x = matrix[i, j]
+            if x == 0.0:
+                continue
+            for k in range(rows.shape[1]):
+                product = x * rows[j, k]
+                out[i, k] = out[i, k] + product if begun else product
+            begun = True
+        if not begun:
+            for k in range(rows.shape[1]):
+                out[i, k] = 0.0
+
+
+@sample_kernel
+def decayed(factor, rows):
+    """`Arithmetic.decayed`, compiled."""
+    for i in range(len(rows)):
+        for k in range(1, rows.shape[1]):
+            rows[i, k] += factor * rows[i, k - 1]
+
+
+@sample_kernel
+def turned(real, imag, x, y):
+    """`Arithmetic.turned`, compiled."""
+    for i in range(len(x)):
+        for k in range(1, x.shape[1]):
+            a, b = x[i, k - 1], y[i, k - 1]
+            x[i, k] += real * a - imag * b
+            y[i, k] += imag * a + real * b
+
+
+ARITHMETIC = Arithmetic(mapped, decayed, turned)
 
 
 @sample_kernel

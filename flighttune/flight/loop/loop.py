@@ -3,7 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Generator, Iterable, Sequence
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from itertools import chain, repeat
 from typing import Any, TypeAlias
 
@@ -32,7 +32,7 @@ from flighttune.routes.segments import Reference
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.vehicles.plants.inertial import inertial_errors
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
-from flighttune.vehicles.plants.navigation import ERRORS, Navigation
+from flighttune.vehicles.plants.navigation import ERRORS, NUMPY, Arithmetic, Navigation
 from flighttune.vehicles.plants.sensors import N_Z_ERROR, SENSED, DrawnErrors, SensedPlant, Sensors
 from flighttune.vehicles.plants.weather import WIND
 
@@ -173,7 +173,7 @@ class Flight:
                 "`controller` must apply limits itself (SelfLimiting); wrap it in GuardedLaw."
             )
         last = round(duration / dt)
-        self._t = t = np.arange(last + 1, dtype=np.float64) * dt
+        self._t = t = _times(last + 1, dt)
         route = reference if isinstance(reference, following.RouteReference) else None
         self._errors, expected = None, last + 1
         if route is not None:
@@ -181,7 +181,9 @@ class Flight:
         _set_inertial_errors(plant, navigation, (last + 1) * dt, expected * dt)
         if sensors is not None or navigation is not None:
             followed = _fed_back(controller, plant) is not None
-            draw = partial(_errors, sensors, navigation, dt, condition.V_a, followed)
+            # JSBSim's own flights keep to NumPy, so that they check compiled errors too.
+            by = compiled_arithmetic(len(t)) if inside(plant, CompiledAircraft) else NUMPY
+            draw = partial(_errors, sensors, navigation, dt, condition.V_a, followed, by)
             self._errors = DrawnErrors(draw, last + 1, expected)
             share = 1.0 if navigation is None else navigation.wind_share(dt)
             plant = SensedPlant(plant, self._errors, dt, condition.h, share)
@@ -471,6 +473,13 @@ class Flight:
         return self.table(values)
 
 
+@lru_cache(maxsize=4)  # a flight along a route may last hours, of which it needs minutes
+def _times(samples: int, dt: float) -> FloatArray:
+    times = np.arange(samples, dtype=np.float64) * dt
+    times.flags.writeable = False
+    return times
+
+
 def _set_inertial_errors(
     plant: Plant, navigation: Navigation | None, longest: float, expected: float
 ) -> None:
@@ -487,12 +496,22 @@ def _set_inertial_errors(
         aircraft.errors = DrawnErrors(draw, math.ceil(longest * rate), math.ceil(expected * rate))
 
 
+def compiled_arithmetic(samples: int) -> Arithmetic:
+    """The compiled arithmetic where a flight of so many samples may load compiled code."""
+    if Flight.flown + samples < COMPILED_FROM:
+        return NUMPY
+    from flighttune.flight.loop import kernel
+
+    return kernel.ARITHMETIC if kernel.COMPILED else NUMPY
+
+
 def _errors(
     sensors: Sensors | None,
     navigation: Navigation | None,
     dt: float,
     V_a: float,
     followed: bool,
+    by: Arithmetic,
     n: int,
 ) -> FloatArray:
     """Errors of sensors and navigation at the first n samples, for `SensedPlant`.
@@ -505,7 +524,7 @@ def _errors(
     errors = np.zeros((n, len(SENSED) - 1 + len(ERRORS)))
     if sensors is not None:
         errors[:, : len(SENSED)] = sensors.errors(n, dt)
-    errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a)
+    errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a, by)
     if followed and navigation.inner_loop:  # which has the errors of its accelerometers
         errors[:, N_Z_ERROR] = 0.0
     return errors

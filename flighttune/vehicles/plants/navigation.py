@@ -1,11 +1,11 @@
 """Navigation: estimation errors of the motion that an autopilot sees."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,45 @@ VERTICAL, SLOW_CLIMB = 2.0, 0.5
 
 # Time constants of the noise of roll and of airspeed, s.
 FAST_ROLL_S, FAST_AIRSPEED_S = 0.05, 0.1
+
+
+class Arithmetic(NamedTuple):
+    """How rows of errors are computed: by NumPy and SciPy, or compiled, with the same bits."""
+
+    # Writes a matrix times rows into the last argument. Products are summed one by one: the last
+    # bit of NumPy's product may depend on the length.
+    mapped: Callable[[FloatArray, FloatArray, FloatArray], object]
+    # Adds to each value of rows a factor times the value before it
+    decayed: Callable[[float, FloatArray], object]
+    # The same of complex numbers, all in real and imaginary parts
+    turned: Callable[[float, float, FloatArray, FloatArray], object]
+
+
+def _mapped_by_numpy(matrix: FloatArray, rows: FloatArray, out: FloatArray) -> None:
+    for factors, row in zip(matrix.tolist(), out, strict=True):
+        parts = [x * values for x, values in zip(factors, rows, strict=True) if x]
+        row[:] = parts[0] if parts else 0.0
+        for part in parts[1:]:
+            row += part
+
+
+def _decayed_by_scipy(factor: float, rows: FloatArray) -> None:
+    from scipy.signal import lfilter
+
+    rows[:] = lfilter([1.0], [1.0, -factor], rows)
+
+
+def _turned_by_scipy(real: float, imag: float, x: FloatArray, y: FloatArray) -> None:
+    from scipy.signal import lfilter
+
+    if imag or y.any():
+        turned = lfilter([1.0], [1.0, -complex(real, imag)], x + 1j * y)
+        x[:], y[:] = turned.real, turned.imag
+    else:  # a third of the time
+        _decayed_by_scipy(real, x)
+
+
+NUMPY = Arithmetic(_mapped_by_numpy, _decayed_by_scipy, _turned_by_scipy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,35 +209,42 @@ class Navigation:
         """Errors of the filter along a horizontal and along the vertical axis."""
         return axes(replace(self, seed=0, fault=None, inner_loop=False), dt)
 
-    def errors(self, samples: int, dt: float, V_a: float) -> FloatArray:
+    def errors(self, samples: int, dt: float, V_a: float, by: Arithmetic = NUMPY) -> FloatArray:
         """`ERRORS` at each of the samples, `dt` s apart, shape (samples, 13).
 
         `V_a` (m/s): the airspeed at the start. A seed gives the same bits; the errors of a longer
         flight begin with those of a shorter one.
         """
         n, (level, vertical) = samples, self.axes(dt)
-        (north, v_north, _), (east, v_east, tilt) = level.drawn(n, self._rng(0), self._rng(1))
-        ((h, v_up),) = vertical.drawn(n, self._rng(2))
+        (north, v_north, _), (east, v_east, tilt) = level.drawn(
+            n, self._rng(0), self._rng(1), by=by
+        )
+        ((h, v_up),) = vertical.drawn(n, self._rng(2), by=by)
         scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
         # A share of the dynamic pressure, taken for height: divided by the weight of the air.
         h += self.height_of_q * of_q * V_a * V_a / (2.0 * G_0)
-        airspeed = self.airspeed_scale_sd * scale * V_a + self._wander(
-            4, n, dt, self.airspeed_sd, self.airspeed_time_constant
+
+        def wandering(signal: int, sd: float, tau: float = 0.0) -> FloatArray:
+            decay = math.exp(-dt / tau) if tau else 0.0
+            return wander(self._rng(signal).standard_normal(n), sd, decay, by=by)
+
+        airspeed = self.airspeed_scale_sd * scale * V_a + wandering(
+            4, self.airspeed_sd, self.airspeed_time_constant
         )
-        airspeed += self._wander(5, n, dt, self.airspeed_noise, FAST_AIRSPEED_S)
+        airspeed += wandering(5, self.airspeed_noise, FAST_AIRSPEED_S)
         roll = tilt + self.roll_bias_sd * roll_bias
-        roll += self._wander(6, n, dt, self.roll_noise, FAST_ROLL_S)
-        n_z = self.n_z_bias_sd * n_z_bias + self._wander(7, n, dt, self.n_z_noise)
-        along = self.n_z_bias_sd * along_bias + self._wander(8, n, dt, self.n_z_noise)
+        roll += wandering(6, self.roll_noise, FAST_ROLL_S)
+        n_z = self.n_z_bias_sd * n_z_bias + wandering(7, self.n_z_noise)
+        along = self.n_z_bias_sd * along_bias + wandering(8, self.n_z_noise)
         wind = np.zeros((3, n))
         for i in range(2):
-            wind[i] = self._wander(9 + i, n, dt, self.wind_sd, self.wind_time_constant)
+            wind[i] = wandering(9 + i, self.wind_sd, self.wind_time_constant)
         wind[:, 1:] -= (1.0 - self.wind_share(dt)) * wind[:, :-1]
         if self.fault is not None:
             fault_north, fault_east = self.fault.errors(n, dt)
             north, east = north + fault_north, east + fault_east
         columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
-        return np.stack(columns, axis=1)
+        return np.stack(columns).T  # in rows, which is faster
 
     def path_sd(self, dt: float, V_a: float) -> tuple[float, float, float]:
         """Standard deviations of estimated course and path angle (rad), and of airspeed (relative).
@@ -235,11 +281,6 @@ class Navigation:
     def wind_share(self, dt: float) -> float:
         """Share of the wind at a sample in its estimate."""
         return dt / (self.wind_lag + dt)
-
-    def _wander(self, signal: int, n: int, dt: float, sd: float, tau: float = 0.0) -> FloatArray:
-        """A Gauss-Markov sequence of a signal; white noise without a time constant."""
-        decay = math.exp(-dt / tau) if tau else 0.0
-        return wander(self._rng(signal).standard_normal(n), sd, decay)
 
     def _rng(self, signal: int) -> np.random.Generator:
         stream = np.random.SeedSequence(self.seed, spawn_key=(_STREAM, signal))
@@ -459,65 +500,60 @@ class Axis:
             total += np.sum(np.abs(shown[:, : self.shown]) ** 2, axis=2).T
         return total / L
 
-    def drawn(self, samples: int, *rngs: np.random.Generator) -> FloatArray:
+    def drawn(self, samples: int, *rngs: np.random.Generator, by: Arithmetic = NUMPY) -> FloatArray:
         """Errors of the output at each sample, by generator, shape (rngs, shown, samples)."""
         n, q, r, w = len(self.before), len(self.slow), self.noise.shape[1], len(self.driven)
-        fixes = -(-samples // self.every)
-        first = np.array([_mapped(self.start, rng.standard_normal(n).tolist()) for rng in rngs]).T
-        drawn = [rng.standard_normal((fixes, q + r + self.every * w)).T for rng in rngs]
-        white = np.stack(drawn, axis=1)  # in rows, because each is used whole
+        m, shape = n - q, (len(rngs), -(-samples // self.every))
+        first = _mapped(by, self.start, np.stack([rng.standard_normal(n) for rng in rngs], axis=1))
+        white = np.empty((q + r + self.every * w, *shape))  # in rows, because each is used whole
+        for i, rng in enumerate(rngs):
+            white[:, i] = rng.standard_normal((shape[1], len(white))).T
         slow = [
-            wander(noise, sd, decay, at)
-            for noise, (sd, decay), at in zip(white[:q], self.slow, first[n - q :], strict=True)
+            wander(noise, sd, decay, at, by=by)
+            for noise, (sd, decay), at in zip(white[:q], self.slow, first[m:], strict=True)
         ]
-        of_steps = white[q + r :].reshape(self.every, w, len(rngs), fixes)
-        parts = self._periods(slow, [*white[q : q + r]], of_steps)
+        rows = white.reshape(len(white), -1)
+        begun = np.concatenate([np.zeros((m, rows.shape[1])), np.reshape(slow, (q, -1))])
+        parts = self._periods(begun, rows[q : q + r], rows[q + r :], by)
         factors, errors, inverse = self.modes
-        pushed = zip(*(_mapped(x, parts[-1]) for x in (inverse.real, inverse.imag)), strict=True)
-        begun = np.array([inverse @ one for one in np.ascontiguousarray(first[: n - q].T)]).T
-        moved = [_recursion(*x) for x in zip(factors, begun, pushed, strict=True)]
-        real, imag = ([np.ascontiguousarray(part(x)) for x in moved] for part in (np.real, np.imag))
-        out = np.empty((len(rngs), self.shown, fixes, self.every))
+        pushed = (_mapped(by, x, parts[-1]) for x in (inverse.real, inverse.imag))
+        real, imag = (x.reshape(m, *shape) for x in pushed)
+        at_start = np.array([inverse @ one for one in np.ascontiguousarray(first[:m].T)]).T
+        for x, start in ((real, np.real(at_start)), (imag, np.imag(at_start))):
+            x[..., 1:] = x[..., :-1].copy()
+            x[..., 0] = start
+        for factor, *mode in zip(factors.tolist(), real, imag, strict=True):
+            by.turned(factor.real, factor.imag, *mode)
+        out = np.empty((shape[0], self.shown, shape[1], self.every))
+        real, imag = real.reshape(m, -1), imag.reshape(m, -1)
         for i, part in enumerate(parts):
-            of_modes = self.maps[i][: self.shown, : n - q] @ errors
-            free = zip(_mapped(of_modes.real, real), _mapped(of_modes.imag, imag), strict=True)
-            for j, (a, b) in enumerate(free):
-                out[:, j, :, i] = part[j] + (a - b)
+            of_modes = self.maps[i][: self.shown, :m] @ errors
+            free = _mapped(by, of_modes.real, real) - _mapped(by, of_modes.imag, imag)
+            for j, row in enumerate(part[: self.shown] + free):
+                out[:, j, :, i] = row.reshape(shape)
         return out.reshape(len(rngs), self.shown, -1)[:, :, :samples]
 
     def _periods(
-        self, slow: Sequence[FloatArray], of_fix: Sequence[FloatArray], of_steps: FloatArray
-    ) -> list[list[FloatArray]]:
+        self, z: FloatArray, of_fix: FloatArray, of_steps: FloatArray, by: Arithmetic
+    ) -> list[FloatArray]:
         """Errors after each sample of a period that begins with zero errors, for all periods."""
-        n, q = len(self.before), len(self.slow)
-        parts, z = [], [np.zeros(of_steps.shape[-2:])] * (n - q) + [*slow]
-        added = _mapped(self.noise, of_fix)
+        parts, drives = [], iter(of_steps)
         for i in range(self.every):
-            z = _mapped(self.before, z)
-            for (j, sd), noise in zip(self.driven.items(), of_steps[i], strict=True):
-                z[j] = z[j] + sd * noise
+            z = _mapped(by, self.before, z)
+            for (j, sd), noise in zip(self.driven.items(), drives, strict=False):
+                z[j] += sd * noise
             if i == 0:
-                z = [x + y for x, y in zip(_mapped(self.fix, z), added, strict=True)]
-            z = _mapped(self.after, z)
-            parts.append(z[: n - q])
+                z = _mapped(by, self.fix, z) + _mapped(by, self.noise, of_fix)
+            z = _mapped(by, self.after, z)
+            parts.append(z[: len(self.before) - len(self.slow)])
         return parts
 
 
-def _mapped(matrix: FloatArray, values: Sequence[Any]) -> list[Any]:
-    """A matrix times rows of values."""
-    # Products are summed one by one: the last bit of NumPy's product may depend on the length.
-    return [_sum_of(row, values) for row in matrix.tolist()]
-
-
-def _sum_of(row: Sequence[float], values: Sequence[Any]) -> Any:
-    """The sum of factors times values, in order."""
-    parts = [
-        value if x == 1.0 else x * value for x, value in zip(row, values, strict=True) if x
-    ] or [0.0 * values[0]]
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    return total
+def _mapped(by: Arithmetic, matrix: FloatArray, rows: FloatArray) -> FloatArray:
+    """A matrix times rows."""
+    out = np.empty((len(matrix), rows.shape[1]))
+    by.mapped(np.ascontiguousarray(matrix), rows, out)
+    return out
 
 
 def _wander_density(omega: FloatArray, sd: float, tau: float) -> FloatArray:
@@ -525,24 +561,12 @@ def _wander_density(omega: FloatArray, sd: float, tau: float) -> FloatArray:
     return 2.0 / math.pi * sd**2 * tau / (1.0 + (omega * tau) ** 2)
 
 
-def wander(white: FloatArray, sd: float, decay: float, start: Any = None) -> FloatArray:
+def wander(
+    white: FloatArray, sd: float, decay: float, start: Any = None, *, by: Arithmetic = NUMPY
+) -> FloatArray:
     """First-order Gauss-Markov sequences driven by white noise; stationary without a `start`."""
-    from scipy.signal import lfilter
-
     fresh = white * (sd * math.sqrt(1.0 - decay * decay))
     fresh[..., 0] = sd * white[..., 0] if start is None else start
-    return fresh if decay == 0.0 else lfilter([1.0], [1.0, -decay], fresh)
-
-
-def _recursion(
-    factor: complex, start: Complexes, pushed: tuple[FloatArray, FloatArray]
-) -> Complexes | FloatArray:
-    """A mode at the start of each period, driven by the input of the periods before."""
-    from scipy.signal import lfilter
-
-    real, imag = pushed
-    if not (factor.imag or start.imag.any() or imag.any()):  # a third of the time
-        driven = np.concatenate([start.real[:, None], real[:, :-1]], axis=1)
-        return lfilter([1.0], [1.0, -factor.real], driven)
-    driven = np.concatenate([start[:, None], real[:, :-1] + 1j * imag[:, :-1]], axis=1)
-    return lfilter([1.0], [1.0, -factor], driven)
+    if decay:
+        by.decayed(decay, np.atleast_2d(fresh))
+    return fresh

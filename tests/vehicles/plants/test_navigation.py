@@ -320,3 +320,12 @@ def test_every_number_of_a_grade_has_its_key():
     made = table.navigation(0)
     assert (made.roll_noise, made.gyro_noise) == pytest.approx((DEG, 2.0 * DEG), rel=SMALL)
     assert (made.wind_lag, made.position_sd, made.period) == (3.0, 4.0, 0.2)
+
+
+@pytest.mark.parametrize("grade", ["rtk", "standard", "poor"])
+def test_compiled_errors_have_the_bits_of_numpy_and_scipy(grade):
+    of = ft.loop.Navigation.of(grade, seed=4)
+    compiled = loop.compiled_arithmetic(loop.COMPILED_FROM)
+    for samples, dt in ((1, 0.02), (1203, 0.02), (350, 0.05), (90, 0.25)):
+        plain = of.errors(samples, dt, 30.0)
+        assert (of.errors(samples, dt, 30.0, compiled) == plain).all()
