@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flighttune.base.errors import InputError, naming
+from flighttune.base.files.table import abridged
 from flighttune.base.words import listed
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
 from flighttune.logs.parameter_file import read_text
@@ -39,6 +40,11 @@ OLD_TECS = re.compile(r"v?1\.(\d|1[0-2])(\.|$)")
 BEFORE_NPFG = re.compile(r"v?1\.(\d|1[0-3])(\.|$)")
 HELD = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
 
+# Beginning of a version, the newest PX4 whose sources the emulation follows, and names by which a
+# file without a version tells the TECS of PX4 before 1.13.
+VERSION, NEWEST_PX4 = re.compile(r"v?(\d+)\.(\d+)"), "1.17"
+OF_OLD_TECS = {"FW_T_HRATE_P", "FW_T_SRATE_P", "FW_T_TIME_CONST"}
+
 # Largest limit of roll or pitch, deg.
 RIGHT_ANGLE_DEG = 90.0
 
@@ -64,6 +70,8 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     logged = read_parameters(path)
     values, vehicle, stated, others = read_text(path) if logged is None else (*logged, {})
     version = version or stated
+    if version and not VERSION.match(version):
+        raise InputError(f"{path}: `version` must be such as 1.15, got {abridged(version)}.")
     period = _period(path, values, vehicle, version)
     table = guidance()[period]
     defaults = {name: x for name, x, *_ in table["parameters"]}
@@ -82,10 +90,8 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
             "not use NPFG_PERIOD and NPFG_DAMPING; 10 s and 0.7071 fly in their place. If yours is "
             "later, state `version` 1.17.0."
         )
-    if autopilot == "PX4" and OLD_TECS.match(version):
-        lost = " FW_T_TIME_CONST, the time in which its pitch mends the balance of energy, has no "
-        lost = f"{lost}counterpart in it." * ("FW_T_TIME_CONST" in values)
-        notes.append(f"PX4 {version} has an older TECS; that of {table['source']} flies.{lost}")
+    if autopilot == "PX4":
+        notes += _of_px4(version, values, table["source"])
     missing = f"default of {table['source']}"
     if period not in used:
         used[period] = defaults[period], missing
@@ -102,6 +108,17 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     rest = len(values.keys() - of_guidance - used.keys())
     name = f"{table['law']} and TECS of {autopilot} {version or f'as in {of_source}'}"
     return Flown(law, name, rows, unused, rest, notes, beyond)
+
+
+def _of_px4(version: str, values: Mapping[str, float], source: str) -> Iterator[str]:
+    """Sentences about versions of PX4 whose sources the emulation does not follow."""
+    number = VERSION.match(version)
+    if number and [*map(int, number.groups())] > [*map(int, NEWEST_PX4.split("."))]:
+        yield f"PX4 {version} is newer than {NEWEST_PX4}, the newest that the emulation follows."
+    if OLD_TECS.match(version) or (not version and OF_OLD_TECS & values.keys()):
+        lost = " FW_T_TIME_CONST, the time in which its pitch mends the balance of energy, has no "
+        lost = f"{lost}counterpart in it." * ("FW_T_TIME_CONST" in values)
+        yield f"PX4 {version or 'before 1.13'} has an older TECS; that of {source} flies.{lost}"
 
 
 def _rows(

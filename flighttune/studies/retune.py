@@ -15,12 +15,13 @@ from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import write_text
+from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
-from flighttune.campaigns.statistics.count import flights_needed
+from flighttune.campaigns.statistics.count import flights_needed, supported_epsilon
 from flighttune.campaigns.statistics.findings import findings_of
 from flighttune.campaigns.statistics.intervals import rate_interval
 from flighttune.claims import counted_flights, counting
@@ -53,8 +54,15 @@ from flighttune.studies.beside import (
 
 TUNED = "tuned"
 
-# Cost of a flight: root mean squares of these signals, each times its weight.
-WEIGHTS = {"cross track": (1.0, "m"), "height": (1.0, "m"), "airspeed": (1.0, "m/s")}
+# Root mean squares of these signals are bounded by those of the start, and the cost of a flight is
+# their sum, each times its weight. The course costs nothing, but a guidance that swings about its
+# track may not pay with it.
+WEIGHTS = {
+    "cross track": (1.0, "m"),
+    "height": (1.0, "m"),
+    "airspeed": (1.0, "m/s"),
+    "course": (0.0, "deg"),
+}
 
 # Commands whose rates are bounded, by their columns, and the largest ratio of the root mean square
 # of a rate to that of the start.
@@ -142,7 +150,8 @@ class Candidate:
 def numbers(run: Run, scenario: Scenario | None) -> list[float]:
     """Root mean squares of the errors of a run, then of the rates of its commands."""
     signals, V = run.signals, scenario.flight.V_a_mps if scenario else math.nan
-    errors = signals["cross_track"], signals["height_err"], signals["V_a"] - V
+    course = DEG_PER_RAD * signals["chi_err"]
+    errors = signals["cross_track"], signals["height_err"], signals["V_a"] - V, course
     rates = (np.diff(signals[column]) / np.diff(run.t) for column in RATES.values())
     return [math.sqrt(float(np.nanmean(np.square(x)))) for x in (*errors, *rates)]
 
@@ -264,7 +273,7 @@ def with_flights(candidate: Candidate, rows: pd.DataFrame) -> Candidate:
 
 
 def costs(errors: FloatArray) -> FloatArray:
-    """Cost of flights with errors of shape (n, 3), as `WEIGHTS`."""
+    """Cost of flights with errors of shape (n, 4), as `WEIGHTS`."""
     return np.asarray(errors @ np.array([weight for weight, _ in WEIGHTS.values()]))
 
 
@@ -361,6 +370,18 @@ class Retuned(Answering):
     def better(self) -> bool:
         """Whether the result may be written."""
         return not self.against
+
+    @property
+    def lost_at_most(self) -> dict[str, float]:
+        """Shares of all flights that at most are lost with both, each at `CONFIDENCE`."""
+        n, both = self.plan.draws, {YOURS: self.start, TUNED: self.best}
+        return {name: supported_epsilon(x.lost, n, CONFIDENCE) for name, x in both.items()}
+
+    @property
+    def sure_from(self) -> int:
+        """Smallest number of draws of the count in which the better one surely is better."""
+        n = self.plan.draws
+        return next((k for k in range(n + 1) if surely_more(k, n)), n + 1)
 
     def save_parameters(self, path: str | Path) -> Path:
         """Write the user's file with the changed values alone changed, and a comment.
@@ -459,9 +480,14 @@ def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPoo
         candidates=len(search.candidates),
         held_by=(*_held_by(search, best, ranges),),
         against=(*_against(start, result, rows),),
-        notes=(*lags_alone(plan), *notes, *now.notes),
+        notes=(*lags_alone(plan), *notes, *now.notes, *_beyond(now)),
         tracking=[],
     )
+
+
+def _beyond(now: Flown) -> list[str]:
+    """A sentence on parameters beyond their published ranges, which no candidate leaves."""
+    return [f"Beyond their published ranges: {listed(now.beyond)}."] * bool(now.beyond)
 
 
 def _held_by(search: Search, best: Candidate, ranges: Sequence[Range]) -> list[str]:
@@ -510,19 +536,24 @@ def _against(start: Candidate, best: Candidate, rows: pd.DataFrame) -> list[str]
 
 
 def of_draws(rows: pd.DataFrame) -> dict[str, FloatArray]:
-    """Errors of both, each of shape (n, 3), in the draws that both completed."""
+    """Errors of both, each of shape (n, 4), in the draws that both completed."""
     done = rows[rows["status"] == "completed"].set_index(["draw", "gains"])["kept"]
     both = done.unstack("gains").reindex(columns=[YOURS, TUNED]).dropna()
     return {name: _errors(both[name]) for name in both}
 
 
 def _errors(kept: pd.Series) -> FloatArray:
-    """The errors of kept measures, shape (n, 3), of no flight too."""
+    """The errors of kept measures, shape (n, 4), of no flight too."""
     return np.array([x[: len(WEIGHTS)] for x in kept], dtype=float).reshape(-1, len(WEIGHTS))
 
 
 def larger(a: FloatArray, b: FloatArray) -> tuple[int, bool]:
     """In how many draws `a` is the larger, and whether it surely is in more than half of them."""
     wins = int((a > b).sum())
-    low, _ = rate_interval(wins, len(a), CONFIDENCE, method="clopper-pearson")
-    return wins, float(low) > 0.5
+    return wins, surely_more(wins, len(a))
+
+
+def surely_more(wins: int, draws: int) -> bool:
+    """Whether so many wins surely are more than half of all draws."""
+    low, _ = rate_interval(wins, draws, CONFIDENCE, method="clopper-pearson")
+    return float(low) > 0.5

@@ -18,8 +18,9 @@ from flighttune.claims import counting
 from flighttune.control.laws.autopilot import Autopilot, guidance
 from flighttune.control.margins import Margins
 from flighttune.logs.parameters import flown_now
+from flighttune.outputs.answers.retuned import told
 from flighttune.studies import retune
-from flighttune.studies.retune import Candidate, Range, Search, numbers, ranges_of
+from flighttune.studies.retune import Candidate, Range, Search
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
@@ -63,7 +64,8 @@ def rows_of(yours, tuned):
     return pd.DataFrame(rows)
 
 
-GOOD, BETTER, LOST = [2.0, 3.0, 1.0, 0.1, 0.5], [1.0, 2.0, 1.0, 0.15, 0.6], None
+# Errors of cross track, height, airspeed and course, then rates of roll and load factor.
+GOOD, BETTER, LOST = [2.0, 3.0, 1.0, 4.0, 0.1, 0.5], [1.0, 2.0, 1.0, 4.0, 0.15, 0.6], None
 SAFE = Margins(loop="roll", gain_decrease=0.0, gain_increase=4.0, phase_margin=1.0, delay_margin=1)
 
 
@@ -83,8 +85,9 @@ def test_what_is_better_on_fresh_draws_is_written():
 
 
 WEAK = replace(SAFE, gain_increase=1.9)  # 5.6 dB
-FAST = [1.0, 2.0, 1.0, 0.21, 0.5]
-TRADED = [2.2, 1.0, 1.0, 0.1, 0.5]  # cheaper, and farther from the track
+FAST = [1.0, 2.0, 1.0, 4.0, 0.21, 0.5]
+TRADED = [2.2, 1.0, 1.0, 4.0, 0.1, 0.5]  # cheaper, and farther from the track
+SWINGING = [1.0, 2.0, 1.0, 4.4, 0.1, 0.5]  # nearer to the track, about which it swings
 
 
 @pytest.mark.parametrize(
@@ -100,11 +103,40 @@ TRADED = [2.2, 1.0, 1.0, 0.1, 0.5]  # cheaper, and farther from the track
         (rows_of([GOOD] * 9, [BETTER] * 9), {"way_back": 1.1}, "way back to the track is beyond"),
         (rows_of([GOOD] * 9, [FAST] * 9), {}, "commanded roll moves 2.1 times as fast"),
         (rows_of([GOOD] * 9, [TRADED] * 9), {}, "the cross track grows from 2 to 2.2 m"),
+        (rows_of([GOOD] * 9, [SWINGING] * 9), {}, "the course grows from 4 to 4.4 deg"),
         (rows_of([GOOD] * 9, [GOOD] * 9), {"same": True}, "no candidate was better"),
     ],
 )
 def test_nothing_is_written_that_is_worse_or_loses_more_or_has_less_margin(rows, more, words):
     assert words in " ".join(against(rows, **more))
+
+
+def retuned_of(rows, file, plan):
+    """The answer of a count of these rows on a plan."""
+    laws = [Autopilot(name="x", parameters={"NPFG_PERIOD": p}) for p in (10.0, 7.0)]
+    start, best = (
+        retune.with_flights(Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), of)
+        for law, (_, of) in zip(laws, sorted(rows.groupby("gains"), reverse=True), strict=True)
+    )
+    return retune.Retuned(
+        now=flown_now(file), file=file, plan=plan, rows=rows, start=start, best=best, flights=0,
+        candidates=0, held_by=(), against=(), notes=(), tracking=[],
+    )  # fmt: skip
+
+
+def test_the_answer_says_what_its_flights_tell_and_what_they_do_not(file, plan):
+    rows = rows_of([GOOD] * 92 + [LOST], [BETTER] * 93)
+    # One-sided bounds of Clopper and Pearson: (1 - p)^93 = 0.05, and for one of 93
+    # (1 - p)^93 + 93 p (1 - p)^92 = 0.05. Of 93 fair coins 57 heads or more have a chance of 0.0188
+    # and 56 of 0.0307, where the two-sided interval leaves 0.025.
+    none = 1.0 - 0.05 ** (1.0 / 93.0)
+    assert (1 - 0.0500) ** 93 + 93 * 0.0500 * (1 - 0.0500) ** 92 == pytest.approx(0.05, abs=2e-3)
+
+    words = told(retuned_of(rows, file, plan.with_runs(93)))
+
+    assert f"at most 5 % | {100.0 * none:.2g} % of all flights are lost" in words
+    assert "sure if one is better in 57 of them" in words
+    assert "No difference is sure in so few" in told(retuned_of(rows, file, plan.with_runs(5)))
 
 
 @pytest.mark.parametrize("period", guidance())
@@ -123,7 +155,7 @@ def test_every_place_of_a_search_is_within_the_published_range(period):
 
 
 def test_what_a_file_does_not_state_is_not_searched(file):
-    ranges, notes = ranges_of(flown_now(file), file.name)
+    ranges, notes = retune.ranges_of(flown_now(file), file.name)
     assert [x.name for x in ranges] == [
         *("NPFG_PERIOD", "NPFG_DAMPING", "FW_T_ALT_TC", "FW_T_PTCH_DAMP")
     ]
@@ -133,10 +165,11 @@ def test_what_a_file_does_not_state_is_not_searched(file):
 def test_errors_and_rates_of_a_flight_are_root_mean_squares():
     t = np.linspace(0.0, 2.0 * math.pi, 10001)
     signals = {"cross_track": 3.0 * np.sin(t), "height_err": 0.0 * t - 2.0, "V_a": 26.0 + 0.0 * t}
+    signals |= {"chi_err": np.radians(5.0) * np.cos(t)}
     run = made_up_run(signals | {"phi_cmd": 0.5 * np.sin(2.0 * t), "n_z_cmd": 1.0 + 0.2 * t}, t)
     scenario = ft.load_scenario("circuit")  # at 25 m/s
-    expected = [3.0 / math.sqrt(2.0), 2.0, 1.0, 1.0 / math.sqrt(2.0), 0.2]
-    assert numbers(run, scenario) == pytest.approx(expected, rel=1e-3)
+    expected = [3.0 / math.sqrt(2.0), 2.0, 1.0, 5.0 / math.sqrt(2.0), 1.0 / math.sqrt(2.0), 0.2]
+    assert retune.numbers(run, scenario) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.slow

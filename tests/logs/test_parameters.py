@@ -306,3 +306,20 @@ def test_every_default_is_within_its_published_range():
     for table in guidance().values():
         for name, x, _, _, low, high in table["parameters"]:
             assert low <= x <= high, name
+
+
+def test_a_version_that_is_none_is_refused_and_a_newer_one_is_told(tmp_path):
+    file = write_params(tmp_path / "px4.params", PX4, version="banana")
+    with pytest.raises(ft.InputError, match=r"`version` must be such as 1\.15, got 'banana'"):
+        flown_now(file)
+    for version, told in (("1.17.0", False), ("1.18.0", True), ("2.0.0", True)):
+        notes = flown_now(write_params(file, PX4, version=version)).notes
+        assert ("is newer than 1.17" in str(notes)) == told
+
+
+def test_a_file_without_a_version_tells_an_older_tecs_by_its_names(tmp_path):
+    file = tmp_path / "px4.param"
+    file.write_text("FW_L1_PERIOD,20\nFW_T_TIME_CONST,5\n")
+    assert "before 1.13 has an older TECS" in str(flown_now(file).notes)
+    file.write_text("FW_L1_PERIOD,20\nFW_T_ALT_TC,5\n")
+    assert "older TECS" not in str(flown_now(file).notes)

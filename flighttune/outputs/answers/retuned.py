@@ -4,7 +4,7 @@ from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.labels import columns
-from flighttune.studies.beside import CUT, YOURS
+from flighttune.studies.beside import CONFIDENCE, CUT, YOURS
 from flighttune.studies.retune import TUNED, WEIGHTS, Candidate, Retuned
 
 CHANGES = columns("name old new range why", of="retuned")
@@ -45,6 +45,7 @@ def answer(retuned: Retuned) -> Answer:
             "changes": rows,
             "accuracy": accuracy,
             "lost": {YOURS: retuned.start.lost, TUNED: retuned.best.lost},
+            "lost_at_most": retuned.lost_at_most,
             "cost": {YOURS: retuned.start.cost, TUNED: retuned.best.cost},
             "tracking": retuned.tracking,
             "flights": retuned.flights,
@@ -55,7 +56,7 @@ def answer(retuned: Retuned) -> Answer:
             Table(ACCURACY, accuracy, kept_errors(retuned.plan.draws)[1]),
             Table(TRACKING, retuned.tracking, "the log, and the flights with your parameters"),
         ],
-        notes=[*retuned.notes, EMULATED, NOT_SEARCHED],
+        notes=[told(retuned), *retuned.notes, EMULATED, NOT_SEARCHED],
         failure="" if retuned.better else said,
     )
 
@@ -81,6 +82,19 @@ def sentence(retuned: Retuned) -> str:
     return f"{counted}. The tuned parameters are better, {after}; they are held by {held}."
 
 
+def told(retuned: Retuned) -> str:
+    """What so many fresh draws can tell, and what they cannot."""
+    n, most = retuned.plan.draws, retuned.lost_at_most
+    shares = " | ".join(f"{100.0 * most[name]:.2g} %" for name in (YOURS, TUNED))
+    sure = "No difference is sure in so few draws"
+    if (k := retuned.sure_from) <= n:
+        sure = f"A difference is sure if one is better in {k} of them"
+    return (
+        f"{n} draws show, at a confidence of {CONFIDENCE:g}, that at most {shares} of all flights "
+        f"are lost. {sure}. Rarer losses and smaller differences need more `flights`."
+    )
+
+
 def errors(retuned: Retuned) -> str:
     """Mean root mean square errors of both, and their cost."""
     parts = [
@@ -89,7 +103,7 @@ def errors(retuned: Retuned) -> str:
             WEIGHTS.items(), retuned.start.errors, retuned.best.errors, strict=True
         )
     ]
-    weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items())
+    weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items() if w)
     both = f"{retuned.start.cost:.3g} | {retuned.best.cost:.3g}"
     return f"Root mean squares: {', '.join(parts)}; cost {both}, which is {weights}."
 

@@ -3,11 +3,11 @@
 import json
 import shlex
 import threading
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from contextvars import copy_context
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -26,7 +26,7 @@ from flighttune.flight.gains import tune
 from flighttune.flight.loop.loop import compile_at_once
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.outputs.live.picture import Beside, Flown, pieces
+from flighttune.outputs.live.picture import Flown, pieces
 from flighttune.outputs.live.sliders import (
     Slider,
     checked,
@@ -37,8 +37,8 @@ from flighttune.outputs.live.sliders import (
 )
 from flighttune.routes.fence import Fence, fence_tables, read_fence
 
-# Most flights in memory, ghosts of a page and windows; aircraft of the button *20 aircraft*.
-MAX_FLOWN, MAX_GHOSTS, MAX_WINDOWS, AIRCRAFT = 12, 5, 50, 20
+# Most flights in memory and ghosts of a page; aircraft of the button *20 aircraft*.
+MAX_FLOWN, MAX_GHOSTS, AIRCRAFT = 12, 5, 20
 
 # Longest wait for a stopped search to end, s.
 END_S = 10.0
@@ -50,29 +50,19 @@ BUDGET = 400
 Found: TypeAlias = Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class State:
-    """State of a search, sent to every window."""
-
-    doing: str = ""
-    window: str = ""  # the window that began it
-    said: str = ""
-    part: float = 0.0
-    done: bool = False
-    failed: bool = False
-    values: Found = field(default_factory=dict)  # for the sliders of that window
-
-
 class Search(CampaignObserver):
     """A search that a page may stop; its state is replaced, never changed."""
 
+    # The state tells every window what the search does and for which window, what is said of it,
+    # the finished part, whether it is done or has failed, and values for the sliders of its window.
     def __init__(self, doing: str, window: str) -> None:
         self.doing, self.window, self.stopped = doing, window, False
         self.show("starting", 0.0)
 
     def show(self, said: str, part: float, **more: Any) -> None:
         """Say how far the search is, or how it ended."""
-        self.state = State(doing=self.doing, window=self.window, said=said, part=part, **more)
+        told = {"doing": self.doing, "window": self.window, "said": said, "part": part}
+        self.state: Mapping[str, Any] = told | more
 
     def see(self, progress: CampaignProgress) -> None:
         """Show the progress of flights."""
@@ -97,11 +87,10 @@ class Desk:
         self.search = Search("", "")
         self._stated, self._folder, self._budget, self._beside = flights, folder, budget, beside
         self._fence = _fence_of(flights)
-        self._flown: OrderedDict[str, Flown] = OrderedDict()
+        self._flown = lru_cache(MAX_FLOWN)(self._fly)
         # The last cloud and the last corridor, each behind the values that it was flown with.
         self._cloud: tuple[str, list[Flown]] = ("", [])
         self._corridor: tuple[str, Band | None] = ("", None)
-        self._newest: OrderedDict[str, int] = OrderedDict()
         self._flying, self._searching = threading.Lock(), threading.Lock()
         self._context = copy_context()  # the caller's permissions, and whether JSBSim flies
         compile_at_once()
@@ -112,16 +101,9 @@ class Desk:
         with suppress(FlightTuneError), self._flying:  # the page shows the error when it asks
             self._context.copy().run(self._flights, {})
 
-    def picture(self, asked: Mapping[str, Any]) -> dict[str, str] | None:
-        """Pieces of the page after a move in a window; None if a later move has arrived."""
-        window, number = str(asked["window"]), int(asked["number"])
-        newest = self._newest.pop(window, 0)
-        self._newest[window] = max(number, newest)
-        if len(self._newest) > MAX_WINDOWS:
-            self._newest.popitem(last=False)
+    def picture(self, asked: Mapping[str, Any]) -> dict[str, str]:
+        """Pieces of the page after a move; its script asks for the next one after the answer."""
         with self._flying:
-            if number < self._newest.get(window, 0):
-                return None
             return self._context.copy().run(self._pieces, asked)
 
     def _pieces(self, asked: Mapping[str, Any]) -> dict[str, str]:
@@ -130,27 +112,18 @@ class Desk:
         (of_cloud, cloud), (of_corridor, band) = self._cloud, self._corridor
         if band is not None and key == of_corridor:
             now = Flown(now.flights.within(band))
-        shown = Beside(
-            ghosts={name: self._flights(values) for name, values in ghosts},
-            cloud=cloud if key == of_cloud else [],
-            runs=self._beside,
-            fence=self._fence,
-        )
-        return pieces(now, shown)
+        named = {name: self._flights(values) for name, values in ghosts}
+        return pieces(now, named, cloud if key == of_cloud else [], self._beside, self._fence)
 
     def _key(self, values: Mapping[str, Any]) -> str:
         return json.dumps(checked(self.sliders, values))
 
     def _flights(self, values: Mapping[str, Any]) -> Flown:
         """The flights with these values of the sliders, from memory if they are still there."""
-        key = self._key(values)
-        flown = self._flown.pop(key, None)
-        if flown is None:
-            flown = Flown(fly(moved(self.scenario, self.sliders, values)))
-        self._flown[key] = flown
-        if len(self._flown) > MAX_FLOWN:
-            self._flown.popitem(last=False)
-        return flown
+        return self._flown(self._key(values))
+
+    def _fly(self, key: str) -> Flown:
+        return Flown(fly(moved(self.scenario, self.sliders, json.loads(key))))
 
     def begin(self, asked: Mapping[str, Any]) -> None:
         """Begin a search for a window; an InputError if another search is running."""

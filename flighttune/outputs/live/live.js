@@ -44,15 +44,12 @@
     try {
       while (wanted) {
         wanted = false;
-        const pieces = await ask("picture", { number: ++number, values: values(), ghosts });
-        if (pieces?.failed) say(pieces.failed, true);
-        else if (pieces) {
-          if (at("said").className) say("");
-          for (const [id, html] of Object.entries(pieces)) if (at(id).innerHTML !== html) at(id).innerHTML = html;
-          forget();
-          dispatchEvent(new Event("drawn"));
-          document.body.dataset.drawn = number;
-        }
+        const pieces = await ask("picture", { values: values(), ghosts });
+        if (pieces.failed) { say(pieces.failed, true); continue; }
+        if (at("said").className) say("");
+        for (const [id, html] of Object.entries(pieces)) if (at(id).innerHTML !== html) at(id).innerHTML = html;
+        dispatchEvent(new Event("drawn"));
+        document.body.dataset.drawn = ++number;
       }
     } catch {
       say("The command of this page has ended.", true);
@@ -60,16 +57,11 @@
     flying = false;
   };
 
-  // Each ghost gets a button that removes it.
-  const forget = () => {
-    for (const ghost of ghosts) {
-      const button = Object.assign(document.createElement("button"), {
-        type: "button", textContent: "×", ariaLabel: `remove the ghost ${ghost.name}`,
-      });
-      button.onclick = () => { ghosts = ghosts.filter((one) => one !== ghost); redraw(); };
-      [...at("legend").children].find((one) => one.textContent.trim().endsWith(`/ ${ghost.name}`))?.append(button);
-    }
-  };
+  at("legend").addEventListener("click", ({ target }) => {
+    if (!target.dataset.forget) return;
+    ghosts = ghosts.filter((ghost) => ghost.name !== target.dataset.forget);
+    redraw();
+  });
 
   for (const input of inputs) {
     input.addEventListener("input", () => {
@@ -88,7 +80,7 @@
       redraw();
     });
   }
-  document.querySelector("form.sliders").addEventListener("submit", (event) => event.preventDefault());
+  document.querySelector("form.sliders").onsubmit = () => false;
   at("reset").onclick = () => { keys.forEach((key) => set(key, start[key])); redraw(); };
   at("snapshot").onclick = () => {
     ghosts = [...ghosts, { name: `snapshot ${++snapshots}`, values: values() }].slice(-5);

@@ -1,10 +1,8 @@
 """`flighttune.open`: a page on which gains are moved, for a scenario, mission, recording or log."""
 
-import time
 import webbrowser
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -21,60 +19,7 @@ from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.logs.followed import followed
 from flighttune.outputs.live.desk import BUDGET, Desk
-
-# Period at which the command checks whether the last window is closed, s.
-LOOK_S = 0.2
-
-
-class Opened:
-    """A page that is served until it is closed.
-
-    Attributes
-    ----------
-    url : str
-        Address on this machine, with the token that gives access.
-
-    Examples
-    --------
-    >>> with ft.open("level_turn", browser=False) as page:
-    ...     page.url.startswith("http://127.0.0.1:")
-    True
-    """
-
-    def __init__(self, desk: Desk, port: int) -> None:
-        from flighttune.outputs.live.server import Server
-
-        self._server = Server(desk, port)
-
-    @property
-    def url(self) -> str:
-        return self._server.url
-
-    @property
-    def port(self) -> int:
-        """Port of the server, for a tunnel."""
-        return self._server.port
-
-    def wait(self, *, until_closed: bool = False) -> None:
-        """Wait for ever, or until the last window of the page is closed."""
-        while not (until_closed and self._server.left):
-            time.sleep(LOOK_S)
-
-    def close(self) -> None:
-        """End the server and a running search."""
-        self._server.close()
-
-    def __enter__(self) -> "Opened":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def __repr__(self) -> str:
-        return f"a page at {self.url}; .close() ends it"
-
-    def _repr_html_(self) -> str:
-        return f'<a href="{escape(self.url)}" target="_blank">{escape(self.url)}</a>'
+from flighttune.outputs.live.server import Opened
 
 
 @code.flies
@@ -135,8 +80,7 @@ def open(
     check_at_least(1, budget=budget)
     stated, beside = _stated(source, aircraft, changes)
     folder = Path("runs/open" if out is None else out)
-    desk = Desk(stated, gains, folder, budget, beside)
-    page = Opened(desk, port or 0)
+    page = Opened(Desk(stated, gains, folder, budget, beside), port or 0)
     if browser and has_screen():
         webbrowser.open(page.url)
     return page

@@ -69,50 +69,48 @@ class Flown:
         return [(named, style)] if len(run.signals) > 1 else []
 
 
-@dataclass(frozen=True, kw_only=True)
-class Beside:
-    """Flights drawn beside the present ones."""
+def pieces(
+    now: Flown,
+    ghosts: Mapping[str, Flown],
+    cloud: Sequence[Flown],
+    runs: Sequence[Run],
+    fence: Fence | None,
+) -> dict[str, str]:
+    """HTML of each piece of the page.
 
-    ghosts: Mapping[str, Flown]  # by name, the start first
-    cloud: Sequence[Flown]  # aircraft that differ
-    runs: Sequence[Run] = ()  # a recording, or the log of a real flight
-    fence: Fence | None = None
-
-    @property
-    def lines(self) -> Drawn:
-        """Recorded runs and ghosts in their styles."""
-        styles = zip(self.ghosts.items(), GHOSTS, strict=False)
-        ghosts = [x for (name, ghost), style in styles for x in ghost.drawn(name, style)]
-        return [*((run, RECORDED) for run in self.runs), *ghosts]
-
-
-def pieces(now: Flown, beside: Beside) -> dict[str, str]:
-    """HTML of each piece of the page."""
-    flown, styles, lines = now.flights, run_styles(now.flights.runs), beside.lines
+    `ghosts` by name, the start first, `cloud` of aircraft that differ, and `runs` of a recording or
+    of the log of a real flight are drawn beside the flights of `now`.
+    """
+    flown, styles = now.flights, run_styles(now.flights.runs)
     flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
-    names = [(run.label, style) for run, style in (*flights, *lines)]
-    cloud = f"{len(beside.cloud)} aircraft that differ"
-    crowd = [x for one in beside.cloud for x in one.drawn(cloud, CLOUD)]
+    named = {
+        name: x.drawn(name, style) for (name, x), style in zip(ghosts.items(), GHOSTS, strict=False)
+    }
+    recorded = [(run, RECORDED) for run in runs]
+    lines = [*recorded, *(x for drawn in named.values() for x in drawn)]
+    crowd_name = f"{len(cloud)} aircraft that differ"
+    crowd = [x for one in cloud for x in one.drawn(crowd_name, CLOUD)]
     early = [f"{x.label}: {x.outcome}." for x in flown.runs if x.status != "completed"]
     whole = {
         "about": panels.flown_in_words(flown.scenario, flown.runs),
         "claim": now.claim,
         "said": short(now.claim),
         "loop": [(x.heading, x.text(now.loop)) for x in columns(LOOP)] if now.loop else [],
-        "sentences": [*early, *_differing(beside.cloud)],
-        "legend": dict([*names, *((run.label, style) for run, style in crowd)]).items(),
-        "charts": _charts([*crowd, *lines], flights, beside.fence) if flights else [],
+        "sentences": [*early, *_differing(cloud)],
+        "legend": {run.label: style for run, style in (*flights, *lines, *crowd)}.items(),
+        "ghosts": {run.label: name for name, drawn in named.items() for run, _ in drawn},
+        "charts": _charts([*crowd, *lines], flights, fence) if flights else [],
         "requirements": [_requirement(x) for x in now.claim.bounds],
-        "numbers": _tables({"now": now, **beside.ghosts}),
+        "numbers": _tables({"now": now, **ghosts}),
     }
-    template = page_template("flighttune.outputs.live", "pieces.html.jinja").module
-    return {name: printable(getattr(template, name)(whole)) for name in PIECES}
+    template = page_template("flighttune.outputs.live", "pieces.html.jinja")
+    made = template.make_module({"styles": {}})
+    return {name: printable(getattr(made, name)(whole)) for name in PIECES}
 
 
 def _requirement(check: BoundCheck) -> dict[str, Any]:
-    measure = {"measure": f"{check.subject}.{check.measure}"}
-    words = in_words({**measure, **pick(check, "bound value met run")})
-    return {**words, "sense": check.sense.replace("_", " ")}
+    said = {"measure": f"{check.subject}.{check.measure}", "sense": check.sense.replace("_", " ")}
+    return in_words({**said, **pick(check, "bound value met run")})
 
 
 def _differing(cloud: Sequence[Flown]) -> list[str]:

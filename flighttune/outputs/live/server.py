@@ -7,7 +7,6 @@ import socket
 import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
-from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -31,7 +30,7 @@ from flighttune.base.errors import FlightTuneError, InputError, printable
 from flighttune.base.files.whole import reason_of
 from flighttune.base.screen import LOCAL
 from flighttune.outputs.drawing.templates import page_template
-from flighttune.outputs.live.desk import MAX_WINDOWS, Desk
+from flighttune.outputs.live.desk import Desk
 from flighttune.outputs.pages.frame import look_and_script
 
 # Host names of this machine, also through a tunnel.
@@ -40,9 +39,14 @@ HOSTS = [LOCAL, "localhost"]
 # Largest request, bytes.
 MAX_BYTES = 65_536
 
-# Periods at which a window gets news of a search, and at which a closed window is noticed; time
-# that a window may take to reload before it counts as closed; time limits to start and to end, s.
-TELL_S, BEAT_S, CLOSED_S, START_S, END_S = 0.1, 1.0, 3.0, 10.0, 1
+# Periods at which a window gets news of a search, at which a closed window is noticed, and at which
+# the command looks for the last one; time that a window may take to reload before it counts as
+# closed; time limits to start and to end, s. Most windows.
+TELL_S, BEAT_S, LOOK_S, CLOSED_S, START_S, END_S = 0.1, 1.0, 0.2, 3.0, 10.0, 1
+MAX_WINDOWS = 50
+
+# What anything but our page's JSON may raise where it is read.
+ODD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
 
 # The page itself adds to this policy its one script, and that it connects to this server alone.
 HEADERS = {
@@ -56,14 +60,32 @@ HEADERS = {
 Endpoint: TypeAlias = Callable[[Request], Awaitable[Response]]
 
 
-class Server:
-    """Serves the page of a desk in a thread of its own until it is closed."""
+class Opened:
+    """A page that is served until it is closed.
+
+    Attributes
+    ----------
+    url : str
+        Address on this machine, with the token that gives access.
+    port : int
+        Port of the server, for a tunnel.
+
+    Examples
+    --------
+    >>> with ft.open("level_turn", browser=False) as page:
+    ...     page.url.startswith("http://127.0.0.1:")
+    True
+    """
 
     def __init__(self, desk: Desk, port: int) -> None:
-        self.desk, self.token = desk, secrets.token_urlsafe(24)
+        self._desk, self._token = desk, secrets.token_urlsafe(24)
         self._windows, self._left = 0, 0.0
-        self._socket = _listening(port)
+        try:
+            self._socket = socket.create_server((LOCAL, port))
+        except (OSError, OverflowError) as error:
+            raise InputError(f"`port` must be free, got {error.args[-1]} at {port}.") from error
         self.port = int(self._socket.getsockname()[1])
+        self.url = f"http://{LOCAL}:{self.port}/{self._token}/"
         config = uvicorn.Config(
             self._application(), log_config=None, lifespan="off", timeout_graceful_shutdown=END_S
         )
@@ -75,26 +97,38 @@ class Server:
         while not self._server.started and time.monotonic() < end:
             time.sleep(0.01)
 
-    @property
-    def url(self) -> str:
-        """Address of the page, with the token that gives access."""
-        return f"http://{LOCAL}:{self.port}/{self.token}/"
+    def wait(self, *, until_closed: bool = False) -> None:
+        """Wait for ever, or until the last window of the page is closed."""
+        while not (until_closed and self._all_closed):
+            time.sleep(LOOK_S)
 
     @property
-    def left(self) -> bool:
+    def _all_closed(self) -> bool:
         """Whether all windows that were open have been closed."""
         return bool(self._left) and not self._windows and time.monotonic() > self._left + CLOSED_S
 
     def close(self) -> None:
-        """Stop a running search, and end."""
-        self.desk.close()
+        """End the server and a running search."""
+        self._desk.close()
         self._server.should_exit = True
         self._thread.join(START_S)
         self._socket.close()
 
+    def __enter__(self) -> "Opened":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"a page at {self.url}; .close() ends it"
+
+    def _repr_html_(self) -> str:
+        return f'<a href="{self.url}" target="_blank">{self.url}</a>'
+
     def _application(self) -> Starlette:
         answers: dict[str, Endpoint] = {"": self._page, "events": self._events}
-        verbs = {name: getattr(self.desk, name) for name in ("picture", "begin", "stop", "save")}
+        verbs = {name: getattr(self._desk, name) for name in ("picture", "begin", "stop", "save")}
         answers |= {name: _answered(verb) for name, verb in verbs.items()}
         routes = [
             Route(
@@ -112,7 +146,7 @@ class Server:
 
         async def guarded(request: Request) -> Response:
             token, told = request.path_params["token"], request.headers
-            allowed = secrets.compare_digest(token.encode(), self.token.encode())
+            allowed = secrets.compare_digest(token.encode(), self._token.encode())
             ours = f"http://{told.get('host')}"
             allowed &= told.get("origin", ours if request.method == "GET" else "") == ours
             allowed &= told.get("sec-fetch-site", "none") in ("none", "same-origin")
@@ -125,7 +159,18 @@ class Server:
         return guarded
 
     async def _page(self, _: Request) -> Response:
-        return HTMLResponse(_page_of(self.desk))
+        """The page without flights, which its script asks for once it has loaded."""
+        desk, own = self._desk, Path(__file__).with_name("live.js")
+        page = page_template("flighttune.outputs.live", "live.html.jinja").render(
+            title=desk.scenario.title,
+            about=(),
+            claim="",
+            summary=(),
+            desk=desk,
+            groups=[(name, [*own]) for name, own in groupby(desk.sliders, lambda x: x.group)],
+            **look_and_script(own, own.with_suffix(".css")),
+        )
+        return HTMLResponse(printable(page))
 
     async def _events(self, _: Request) -> Response:
         if self._windows >= MAX_WINDOWS:
@@ -135,12 +180,12 @@ class Server:
     async def _told(self) -> AsyncIterator[str]:
         """Events of a search for one window, as long as it is open."""
         self._windows += 1
-        told, beat = self.desk.search.state, 0.0
+        told, beat = self._desk.search.state, 0.0
         try:
             while not self._server.should_exit:
-                if (state := self.desk.search.state) is not told:
+                if (state := self._desk.search.state) is not told:
                     told = state
-                    yield f"data: {printable(json.dumps(asdict(state)))}\n\n"
+                    yield f"data: {printable(json.dumps(state))}\n\n"
                 elif time.monotonic() > beat + BEAT_S:
                     beat = time.monotonic()
                     yield ":\n\n"
@@ -166,41 +211,7 @@ def _answered(verb: Callable[[dict[str, Any]], Any]) -> Endpoint:
         except OSError as error:
             said = f"{error.filename}: {reason_of(error)}" if error.filename else str(error)
             return JSONResponse({"failed": printable(said)})
-        except (
-            ArithmeticError,
-            AttributeError,
-            LookupError,
-            RecursionError,
-            TypeError,
-            ValueError,
-        ):
+        except ODD:
             return JSONResponse({"failed": "must be what the page sends"}, 400)
 
     return answered
-
-
-def _listening(port: int) -> socket.socket:
-    """A socket that listens to this machine alone; an InputError if the port is taken."""
-    listening = socket.socket()
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind((LOCAL, port))
-    except (OSError, OverflowError) as error:
-        listening.close()
-        raise InputError(f"`port` must be free, got {error.args[-1]} at {port}.") from error
-    return listening
-
-
-def _page_of(desk: Desk) -> str:
-    """The page without flights, which its script asks for once it has loaded."""
-    own = Path(__file__).with_name("live.js")
-    page = page_template("flighttune.outputs.live", "live.html.jinja").render(
-        title=desk.scenario.title,
-        about=(),
-        claim="",
-        summary=(),
-        desk=desk,
-        groups=[(name, [*own]) for name, own in groupby(desk.sliders, lambda x: x.group)],
-        **look_and_script(own, own.with_suffix(".css")),
-    )
-    return printable(page)

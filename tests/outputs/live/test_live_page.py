@@ -127,6 +127,23 @@ def test_a_drag_is_followed_while_the_button_is_down(browser, page):
         tab.asked("Input.dispatchMouseEvent", type="mouseReleased", x=at, **mouse)
 
 
+def test_moves_that_come_during_a_flight_are_dropped_but_for_the_last(browser, page):
+    asked = "performance.getEntriesByType('resource').filter(x => /picture$/.test(x.name)).length"
+    with window(browser, page) as tab:
+        before, drawn = tab.run(asked), tab.run(DRAWN)
+        tab.run(
+            f"(() => {{ const i = document.getElementById('{K_P}'); for (let n = 1; n <= 30; n++)"
+            "{ i.value = n / 20; i.dispatchEvent(new Event('input')) } })()"
+        )
+        tab.until(f"{DRAWN} >= {drawn} + 2", PATIENCE_S)
+        time.sleep(1.0)
+        assert tab.run(asked) - before == 2
+        numbers = tab.run("document.querySelector('#numbers').textContent")
+        set_value(tab, K_P, 1.5)  # the last of the moves
+        tab.until(f"{DRAWN} > {drawn} + 2", PATIENCE_S)
+        assert tab.run("document.querySelector('#numbers').textContent") == numbers
+
+
 def test_the_arrow_keys_move_a_slider_that_has_the_focus(browser, page):
     with window(browser, page) as tab:
         drawn = tab.run(DRAWN)
@@ -351,7 +368,7 @@ def test_a_page_asks_nobody_but_its_server(browser, page):
 def test_the_page_ends_after_its_last_window_where_that_is_asked(browser):
     with ft.open("paper_as_printed", browser=False) as page:
         with window(browser, page):
-            assert not page._server.left
+            assert not page._all_closed
         page.wait(until_closed=True)
 
 

@@ -14,11 +14,9 @@ import flighttune as ft
 from flighttune.base.files import code, table
 
 # A number that no float holds, beside what a page sends.
-HUGE = b'{"window": "w", "number": 1, "ghosts": [], "values": {"flight.V_a_mps": 1%s}}' % (
-    b"0" * 400
-)
+HUGE = b'{"ghosts": [], "values": {"flight.V_a_mps": 1%s}}' % (b"0" * 400)
 
-MOVE = {"window": "w", "number": 1, "values": {}, "ghosts": []}
+MOVE = {"values": {}, "ghosts": []}
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +106,7 @@ def test_it_listens_on_this_machine_alone(page):
         b"[]",
         b"null",
         b"{}",
-        b'{"window": 1, "number": "x"}',
+        b'{"values": {}, "ghosts": 1}',
         b"[" * 2000,
         b"x" * 70_000,
         HUGE,
@@ -124,14 +122,9 @@ def test_what_the_page_does_not_send_is_refused(page, body):
     "values", [{"flight.V_a_mps": -1.0}, {"law[0].module": "x.py"}, {"gains[0].K_P[0][0]": 1e300}]
 )
 def test_a_value_that_cannot_be_flown_is_told_in_a_line(page, values):
-    status, _, text = ask(page, "picture", {**MOVE, "number": 2, "values": values})
+    status, _, text = ask(page, "picture", {**MOVE, "values": values})
     assert status == 200
     assert "must" in json.loads(text)["failed"]
-
-
-def test_a_move_that_a_later_one_has_overtaken_is_dropped(page):
-    assert json.loads(ask(page, "picture", {**MOVE, "window": "v", "number": 9})[2]) is not None
-    assert json.loads(ask(page, "picture", {**MOVE, "window": "v", "number": 8})[2]) is None
 
 
 def test_what_is_saved_flies_as_the_page_and_lies_in_the_named_folder(page, folder):
@@ -211,3 +204,10 @@ def test_a_page_that_is_closed_leaves_no_thread_and_no_port():
         time.sleep(0.05)
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", page.port)) != 0
+
+
+def test_tables_say_which_of_their_cells_are_headings(page):
+    numbers = json.loads(ask(page, "picture", MOVE)[2])["numbers"]
+    assert 'scope="col"' in numbers
+    assert '<th scope="row"' in numbers
+    assert "R<sub>K</sub>" in numbers
