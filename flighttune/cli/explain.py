@@ -61,15 +61,19 @@ def gradient(slopes: Verb) -> Answer:
     return slopes().answer()
 
 
-def compare(compare_runs: Verb, autopilot: Path | None, out: Path | None) -> Answer:
+def compare(compare_runs: Verb, a: str, autopilot: Path | None, out: Path | None) -> Answer:
     """Compare runs, or gains with what an autopilot flies now.
 
     Of runs: metrics, which is better, and how far apart the paths are; exit status 2 if manoeuvre
     or aircraft differ. --with FILE flies a mission by the parameters of PX4 or ArduPilot beside the
-    gains, on the same draws.
+    gains, on the same draws; after a kill the same command goes on.
     """
     if autopilot:
         check_ending(out, ".html")
+        stem = Path(a.partition("@")[0]).stem
+        compare_runs = partial(
+            compare_runs, kept=Path("runs") / f"{stem}-compared-unfinished.jsonl"
+        )
     compared = compare_runs()
     is_page = out is not None and out.suffix.lower() == ".html"
     files = {"recording": None if is_page else out, "page": out if is_page else None}

@@ -16,6 +16,7 @@ from flighttune.base.files import code
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
@@ -214,6 +215,7 @@ def compare(  # type: ignore[misc]
     navigation: Knowledge | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
+    kept: str | Path | None = None,
     **by: Unpack[FlownBy],
 ) -> Comparison | Beside:
     """Compare runs with the runs of the first source, or gains with the present guidance.
@@ -247,6 +249,8 @@ def compare(  # type: ignore[misc]
         lags, by default aerosonde.
     seed, changes, workers, scheduler, observer : as for `band`
     like, navigation : as for `mission`
+    kept : str or Path, optional
+        File for the flights with both while they are flown: after a kill the same call goes on.
 
     Returns
     -------
@@ -273,7 +277,7 @@ def compare(  # type: ignore[misc]
     fliers, of_flights = Fliers(**by), {"aircraft": aircraft, "like": like, "changes": changes}
     if autopilot is None:
         options = {"version": version, "log": log, "flights": flights, "seed": seed}
-        options["navigation"] = navigation
+        options |= {"navigation": navigation, "kept": kept}
         for name, value in (of_flights | options).items():
             if value not in (None, False, {}):
                 raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
@@ -299,7 +303,13 @@ def compare(  # type: ignore[misc]
     plan = plan.with_runs(flights * len(plan.groups))
     logged, notes = ([], []) if log is None else logged_signals(log, columns, now, version)
     with WorkerPool(fliers) as pool:
-        rows = list(pool.rows(plan, range(plan.runs), probes={KEPT: kept_signals}))
+        probes = {KEPT: kept_signals}
+        if kept is None:
+            rows = list(pool.rows(plan, range(plan.runs), probes=probes))
+        else:
+            of_plan = KeptRows(Path(kept), plan, probes)
+            rows = of_plan.flown(pool)
+            of_plan.remove()
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
     tracking = tracking_of(logged, frame)

@@ -2,6 +2,9 @@
 
 import math
 import re
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -40,6 +43,42 @@ def file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def beside(file):
     return ft.compare("circuit_in_wind", autopilot=file, **FEW)
+
+
+# Killed by itself once so many flights are there.
+KILLED = f"""
+import os, signal, sys
+import flighttune as ft
+class Killed(ft.CampaignObserver):
+    def see(self, progress):
+        if progress.flown >= 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+more = {FEW | {"flights": 4}!r}
+ft.compare("circuit_in_wind", autopilot=sys.argv[1], kept=sys.argv[2], observer=Killed(), **more)
+"""
+
+
+@pytest.mark.soak
+def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
+    kept = tmp_path / "runs" / "kept.jsonl"
+    done = subprocess.run([sys.executable, "-c", KILLED, file, kept], check=False)
+    assert done.returncode == -signal.SIGKILL
+    flown = kept.read_text().splitlines()
+    assert len(flown) >= 2
+    # half of the next line, and a flight of another comparison
+    kept.write_text("\n".join([flown[0].replace('"of": "', '"of": "0'), *flown, flown[1][:50]]))
+
+    said = []
+    observer = ft.CampaignObserver()
+    observer.hear = said.append
+    options = FEW | {"flights": 4, "workers": 2, "observer": observer}
+    on = ft.compare("circuit_in_wind", autopilot=file, kept=kept, **options)
+    whole = ft.compare("circuit_in_wind", autopilot=file, **FEW | {"flights": 4})
+
+    assert said[0] == f"{kept}: {len(flown)} flights are flown already."
+    assert not kept.exists()
+    rows = [x.rows.drop(columns="wall_s") for x in (on, whole)]
+    pd.testing.assert_frame_equal(*rows, check_exact=True)
 
 
 @pytest.mark.soak
