@@ -204,6 +204,8 @@ class Search:
             + cost
         )
 
+    # A model of lags keeps its airspeed exactly: a ratio of zeros is no number, and bounds nothing.
+    @np.errstate(invalid="ignore")
     def error_ratios(self, candidate: Candidate) -> FloatArray:
         """Errors over their bounds by those of the start, in the mean and in the middle draw."""
         both = candidate.each.keys() & self.start.each.keys()

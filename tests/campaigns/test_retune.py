@@ -162,6 +162,17 @@ def test_what_a_file_does_not_state_is_not_searched(file):
     assert "FW_T_HRATE_FF and FW_T_I_GAIN_PIT" in notes[0]
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_error_that_is_none_with_both_bounds_nothing(file):
+    exact = [1.0, 2.0, 0.0, 4.0, 0.1, 0.5]
+    rows = rows_of([exact] * 3, [exact] * 3)
+    law = flown_now(file).law
+    start = retune.with_flights(Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), rows)
+    searching = type("Searching", (Search,), {"__init__": lambda self: None})()
+    searching.start = start
+    assert np.nanmax(searching.error_ratios(start)) == pytest.approx(1.0 / retune.SEARCHED_WORSE)
+
+
 def test_errors_and_rates_of_a_flight_are_root_mean_squares():
     t = np.linspace(0.0, 2.0 * math.pi, 10001)
     signals = {"cross_track": 3.0 * np.sin(t), "height_err": 0.0 * t - 2.0, "V_a": 26.0 + 0.0 * t}
