@@ -209,24 +209,27 @@ class Navigation:
         """Errors of the filter along a horizontal and along the vertical axis."""
         return axes(replace(self, seed=0, fault=None, inner_loop=False), dt)
 
-    def errors(self, samples: int, dt: float, V_a: float, by: Arithmetic = NUMPY) -> FloatArray:
+    def errors(
+        self, samples: int, dt: float, V_a: float, by: Arithmetic | None = None
+    ) -> FloatArray:
         """`ERRORS` at each of the samples, `dt` s apart, shape (samples, 13).
 
         `V_a` (m/s): the airspeed at the start. A seed gives the same bits; the errors of a longer
-        flight begin with those of a shorter one.
+        flight begin with those of a shorter one. `by` is the arithmetic, by default that of NumPy
+        and SciPy; compiled code gives the same bits.
         """
-        n, (level, vertical) = samples, self.axes(dt)
+        n, (level, vertical), arithmetic = samples, self.axes(dt), by or NUMPY
         (north, v_north, _), (east, v_east, tilt) = level.drawn(
-            n, self._rng(0), self._rng(1), by=by
+            n, self._rng(0), self._rng(1), by=arithmetic
         )
-        ((h, v_up),) = vertical.drawn(n, self._rng(2), by=by)
+        ((h, v_up),) = vertical.drawn(n, self._rng(2), by=arithmetic)
         scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
         # A share of the dynamic pressure, taken for height: divided by the weight of the air.
         h += self.height_of_q * of_q * V_a * V_a / (2.0 * G_0)
 
         def wandering(signal: int, sd: float, tau: float = 0.0) -> FloatArray:
             decay = math.exp(-dt / tau) if tau else 0.0
-            return wander(self._rng(signal).standard_normal(n), sd, decay, by=by)
+            return wander(self._rng(signal).standard_normal(n), sd, decay, by=arithmetic)
 
         airspeed = self.airspeed_scale_sd * scale * V_a + wandering(
             4, self.airspeed_sd, self.airspeed_time_constant
