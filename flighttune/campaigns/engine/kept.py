@@ -71,4 +71,4 @@ class KeptRows:
 
 def _text(value: Mapping[str, Any]) -> str:
     """JSON from which Python reads the same numbers, to the bit."""
-    return json.dumps(value, default=lambda x: x.item())  # of NumPy
+    return json.dumps(value, default=lambda x: x.item())  # numbers of NumPy

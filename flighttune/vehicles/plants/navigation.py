@@ -49,9 +49,9 @@ class Arithmetic(NamedTuple):
     # Writes a matrix times rows into the last argument. Products are summed one by one: the last
     # bit of NumPy's product may depend on the length.
     mapped: Callable[[FloatArray, FloatArray, FloatArray], object]
-    # Adds to each value of rows a factor times the value before it
+    # Adds to each value of a row the factor times the value before it, in place.
     decayed: Callable[[float, FloatArray], object]
-    # The same of complex numbers, all in real and imaginary parts
+    # Does so with complex numbers: factor and rows are given by their real and imaginary parts.
     turned: Callable[[float, float, FloatArray, FloatArray], object]
 
 
@@ -75,7 +75,7 @@ def _turned_by_scipy(real: float, imag: float, x: FloatArray, y: FloatArray) -> 
     if imag or y.any():
         turned = lfilter([1.0], [1.0, -complex(real, imag)], x + 1j * y)
         x[:], y[:] = turned.real, turned.imag
-    else:  # a third of the time
+    else:  # real numbers take a third of the time
         _decayed_by_scipy(real, x)
 
 
@@ -247,7 +247,7 @@ class Navigation:
             fault_north, fault_east = self.fault.errors(n, dt)
             north, east = north + fault_north, east + fault_east
         columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
-        return np.stack(columns).T  # in rows, which is faster
+        return np.stack(columns).T  # columns written one after another: faster than in turn
 
     def path_sd(self, dt: float, V_a: float) -> tuple[float, float, float]:
         """Standard deviations of estimated course and path angle (rad), and of airspeed (relative).
@@ -543,6 +543,7 @@ class Axis:
         parts, drives = [], iter(of_steps)
         for i in range(self.every):
             z = _mapped(by, self.before, z)
+            # Each sample takes the next of the rows, as many as there are driven errors.
             for (j, sd), noise in zip(self.driven.items(), drives, strict=False):
                 z[j] += sd * noise
             if i == 0:

@@ -324,8 +324,10 @@ def test_every_number_of_a_grade_has_its_key():
 
 @pytest.mark.parametrize("grade", ["rtk", "standard", "poor"])
 def test_compiled_errors_have_the_bits_of_numpy_and_scipy(grade):
+    pytest.importorskip("numba")
     of = ft.loop.Navigation.of(grade, seed=4)
     compiled = loop.compiled_arithmetic(loop.COMPILED_FROM)
+    assert compiled is not loop.NUMPY
     for samples, dt in ((1, 0.02), (1203, 0.02), (350, 0.05), (90, 0.25)):
         plain = of.errors(samples, dt, 30.0)
         assert (of.errors(samples, dt, 30.0, compiled) == plain).all()
