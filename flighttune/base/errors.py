@@ -19,6 +19,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 
 # Whether the system can fork a process, so that a crash ends only the copy. Windows cannot.
 FORKS = hasattr(os, "fork")
@@ -116,7 +117,25 @@ class CampaignError(FlightTuneError, RuntimeError):
 
 
 class StoppedError(FlightTuneError):
-    """The observer of a count or search stopped it; none of its flights is saved."""
+    """The observer of a count or search stopped it before its answer.
+
+    Attributes
+    ----------
+    kept : str
+        The file with its flights, from which the same call goes on; empty if none are kept.
+    """
+
+    kept: str = ""
+
+
+@contextmanager
+def keeping(file: Path | None) -> Iterator[None]:
+    """Name the file that keeps flights, if it has any, to a StoppedError of the block."""
+    try:
+        yield
+    except StoppedError as stopped:
+        stopped.kept = str(file) if file is not None and file.exists() else ""
+        raise
 
 
 @contextmanager

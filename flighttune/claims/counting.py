@@ -11,7 +11,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.endings import why_ended
-from flighttune.base.errors import InputError, PlantError
+from flighttune.base.errors import InputError, PlantError, keeping
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
@@ -165,7 +165,8 @@ def counted_on(
             counted = replace(counted, by_rtk=_by_rtk(pool, plan, kept, learn))
         if unfinished is not None:
             counted = unfinished.begun(counted, pool.observer)
-        counted = _counted(counted, pool, partial(_flown, pool, plan, kept), judged, unfinished)
+        with keeping(unfinished and unfinished.file):
+            counted = _counted(counted, pool, partial(_flown, pool, plan, kept), judged, unfinished)
         _check_deciding(judged(counted) if judged else counted, pool)
     return replace(counted, compiled=pool.progress.compiled)
 

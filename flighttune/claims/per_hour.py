@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, keeping
 from flighttune.base.files import code
 from flighttune.base.files.table import STRICT, read, validated, write
 from flighttune.base.words import at_most, confidence_text
@@ -236,7 +236,7 @@ def count_per_hour(
     check_rates(plan, rates)
     plan = hourly_plan(plan)
     ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
-    with WorkerPool(fliers) as pool:
+    with WorkerPool(fliers) as pool, keeping(unfinished):
         flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
         stated = [(None, None), *((i, fault.ended_s) for i, fault in enumerate(rates.fault))]
         pool.progress.budget = sum(flying.missing(*term) for term in stated)

@@ -204,8 +204,11 @@ def campaign_display() -> Iterator[CampaignDisplay]:
         try:
             with on_interrupt(display.stop):
                 yield display
-        except StoppedError:
-            fail("interrupted: its flights are not kept, and nothing is written", INTERRUPTED)
+        except StoppedError as stopped:
+            said = "its flights are not kept, and nothing is written"
+            if stopped.kept:
+                said = f"the same command goes on with the flights in {stopped.kept}"
+            fail(f"interrupted: {said}", INTERRUPTED)
 
 
 @contextmanager

@@ -81,6 +81,18 @@ def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     pd.testing.assert_frame_equal(*rows, check_exact=True)
 
 
+@pytest.mark.slow
+def test_a_stopped_comparison_names_the_file_with_which_it_goes_on(file, tmp_path):
+    kept, observer = tmp_path / "kept.jsonl", ft.CampaignObserver()
+    observer.see = lambda progress: setattr(observer, "stopped", progress.flown >= 1)
+
+    with pytest.raises(ft.FlightTuneError) as stopped:
+        ft.compare("circuit_in_wind", autopilot=file, kept=kept, observer=observer, **FEW)
+
+    assert stopped.value.kept == str(kept)
+    assert 1 <= len(kept.read_text().splitlines()) < 2 * FEW["flights"]
+
+
 @pytest.mark.soak
 def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     keys = [*beside.plan.keys, "seed", "draw"]

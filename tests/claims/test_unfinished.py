@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 
 import flighttune as ft
+from flighttune.base.errors import StoppedError
 from flighttune.claims import unfinished
 
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
@@ -51,6 +52,31 @@ def killed(out, flown):
     assert done.returncode == -signal.SIGKILL
     assert not out.exists()
     return out.with_name(f"{out.stem}-unfinished.npz")
+
+
+class Stops(Seen):
+    """Stops after so many flights."""
+
+    def __init__(self, after):
+        super().__init__()
+        self.after = after
+
+    def see(self, progress):
+        super().see(progress)
+        self.stopped = progress.flown >= self.after
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("flown", "keeps"), [(BEFORE + 8, True), (LEARNED // 2, False)])
+def test_a_stopped_count_names_the_file_with_which_it_goes_on(tmp_path, monkeypatch, flown, keeps):
+    monkeypatch.setattr(unfinished, "FIRST", 4)
+    kept = tmp_path / "m-unfinished.npz"
+
+    with pytest.raises(StoppedError) as stopped:
+        ft.mission("circuit_in_wind", out=tmp_path / "m.npz", observer=Stops(flown), **FEW)
+
+    assert stopped.value.kept == (str(kept) if keeps else "")
+    assert kept.exists() == keeps
 
 
 @pytest.mark.slow

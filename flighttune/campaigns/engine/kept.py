@@ -6,7 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.errors import InputError, OutputError
+from flighttune.base.errors import InputError, OutputError, keeping
 from flighttune.base.files.whole import allowed, apart, write_text
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import Row
@@ -34,6 +34,7 @@ class KeptRows:
         with apart():  # written anew, as a killed command may have left half of a line
             write_text(self._file, "".join(map(self._line, rows.values())))
         with (
+            keeping(self._file),
             allowed(self._file, "writable", OutputError),
             self._file.open("a", encoding="utf-8") as file,
         ):
