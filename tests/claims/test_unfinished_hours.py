@@ -6,13 +6,15 @@ import subprocess
 import sys
 import tomllib
 
+import numpy as np
 import pytest
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.claims import counting
-from flighttune.claims.hourly_flights import Ends, FlownTerm
-from flighttune.claims.leaving import Volume
+from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.claims import counting, per_hour
+from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights
+from flighttune.claims.leaving import NEVER, Left, Volume
 from flighttune.claims.rates_keys import RatesTable
 from flighttune.claims.unfinished_hours import KeptTerms
 
@@ -60,6 +62,29 @@ class Seen(ft.CampaignObserver):
 
     def hear(self, sentence):
         self.said.append(sentence)
+
+
+class MadeUp:
+    """A made-up aircraft: every third flight leaves if it is ended over 2.5 s after its fault.
+
+    Before flights of the search it keeps a copy of the file of unfinished flights, which is what a
+    kill would leave then.
+    """
+
+    def __init__(self, file):
+        self._file, self.flown, self.copies = file, 0, []
+
+    def __call__(self, flights, pool, runs, doing):
+        self.flown += len(runs)
+        after = flights.leaving.after_s
+        if after in per_hour.LATER_S and self._file.exists():
+            self.copies.append((self.flown - len(runs), self._file.read_bytes()))
+        late = after is not None and after > 2.5
+        times = np.random.default_rng(runs).uniform(20.0, 24.0, (len(runs), 2)).tolist()
+        return [
+            Left(left if late and run % 3 == 0 else NEVER, end, NEVER, 0.0)
+            for run, (left, end) in zip(runs, times, strict=True)
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +152,43 @@ def test_a_band_that_is_written_to_another_place_leaves_none_of_an_earlier_one(p
     ft.mission(first / "m.npz", out=other / "m.npz", workers=1)
 
     assert {x.name for x in other.iterdir()} == {"m.npz", "m-turn-back.npz"}
+
+
+def test_a_killed_search_of_the_latest_time_goes_on_and_is_the_same_to_the_bit(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(per_hour, "written_at", lambda flights: [flights // 2])
+    fault = {"kind": "engine", "per_hour": 1.0, "source": "a log", "flights": 60, "ended_s": 0.2}
+    stated = {"flights": 2000, "target_per_hour": 0.7, "fault": [fault]}
+    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    plan = counting.drawn(ft.flights("circuit_in_wind", changes=short).knowing(None))
+    file = tmp_path / "unfinished.json"
+
+    def counted(name):
+        made_up = MadeUp(file)
+        monkeypatch.setattr(TermFlights, "flown", lambda *args: made_up(*args))
+        hourly = per_hour.count_per_hour(
+            plan,
+            RatesTable.model_validate(stated),
+            Volume(rings=(), outside=(), low=None, high=None),
+            confidence=0.95,
+            unfinished=file,
+            fliers=Fliers(workers=1),
+        )
+        hourly.save(tmp_path / name)
+        return hourly, made_up
+
+    whole, made_up = counted("whole.json")
+    # Of the times 0.5, 1, 1.5, 2 and 3 s, the last is the first over 2.5 s.
+    assert whole.latest == ("engine", 2.0)
+    assert (made_up.flown, len(made_up.copies)) == (2060 + 5 * 60, 5 * 2)
+
+    for kept, left in made_up.copies[1::4]:  # half of a time was flown
+        file.write_bytes(left)
+        _, rest = counted("rest.json")
+        assert rest.flown == made_up.flown - kept
+        assert (tmp_path / "rest.json").read_bytes() == (tmp_path / "whole.json").read_bytes()
+        assert not file.exists()
 
 
 @pytest.mark.parametrize("other", [{"flights": 13}, None])
