@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import remove_file, together
-from flighttune.cli.options import Verb, check_ending, flown_by, this_command
+from flighttune.cli.options import Verb, check_ending, flown_by, kept_flights, this_command
 from flighttune.cli.show import progress_bar
 from flighttune.outputs.answers.answer import Answer
 
@@ -70,10 +70,7 @@ def compare(compare_runs: Verb, a: str, autopilot: Path | None, out: Path | None
     """
     if autopilot:
         check_ending(out, ".html")
-        stem = Path(a.partition("@")[0]).stem
-        compare_runs = partial(
-            compare_runs, kept=Path("runs") / f"{stem}-compared-unfinished.jsonl"
-        )
+        compare_runs = partial(compare_runs, kept=kept_flights(a, "compared"))
     compared = compare_runs()
     is_page = out is not None and out.suffix.lower() == ".html"
     files = {"recording": None if is_page else out, "page": out if is_page else None}

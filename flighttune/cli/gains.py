@@ -1,12 +1,20 @@
 """Commands that find gains, certify them and check certificates."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import keep_on_error, together
-from flighttune.cli.options import RUN_CODE, Verb, check_ending, flown_by, this_command
+from flighttune.cli.options import (
+    RUN_CODE,
+    Verb,
+    check_ending,
+    flown_by,
+    kept_flights,
+    this_command,
+)
 from flighttune.cli.show import progress_bar
 from flighttune.outputs.answers.answer import Answer
 
@@ -51,14 +59,14 @@ def tune(
     return answer
 
 
-def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
+def meet(search: Verb, scenario: str, page: Path | None, out: Path | None) -> Answer:
     """Find gains with which flights of SCENARIO meet its [[expect]], by flying candidates.
 
     Exit status 1 if none are found; the nearest are printed. --with FILE searches the parameters of
-    PX4 or ArduPilot instead, and writes none that are worse.
+    PX4 or ArduPilot instead, and writes none that are worse; after a kill the same command goes on.
     """
     if search.keywords.get("autopilot") is not None:
-        return retune(search, page, out)
+        return retune(partial(search, kept=kept_flights(scenario, "searched")), page, out)
     check_ending(out, ".json")
     meeting = search()
     answer = replace(meeting.answer(), files={"out": out, "page": page})

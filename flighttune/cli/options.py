@@ -48,6 +48,11 @@ def this_command() -> str:
     return shlex.join(["flighttune", *sys.argv[1:]])
 
 
+def kept_flights(source: str, done: str) -> Path:
+    """The file that keeps the flights of a command while they are flown."""
+    return Path("runs") / f"{Path(source.partition('@')[0]).stem}-{done}-unfinished.jsonl"
+
+
 def changes(settings: list[str]) -> dict[str, Any]:
     """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
     from flighttune.base.files.table import shown, toml_value

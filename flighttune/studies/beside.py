@@ -303,13 +303,9 @@ def compare(  # type: ignore[misc]
     plan = plan.with_runs(flights * len(plan.groups))
     logged, notes = ([], []) if log is None else logged_signals(log, columns, now, version)
     with WorkerPool(fliers) as pool:
-        probes = {KEPT: kept_signals}
-        if kept is None:
-            rows = list(pool.rows(plan, range(plan.runs), probes=probes))
-        else:
-            of_plan = KeptRows(Path(kept), plan, probes)
-            rows = of_plan.flown(pool)
-            of_plan.remove()
+        of_flights = KeptRows(None if kept is None else Path(kept), plan.as_dict(), pool)
+        rows = of_flights.flown(plan, {KEPT: kept_signals})
+        of_flights.remove()
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
     tracking = tracking_of(logged, frame)

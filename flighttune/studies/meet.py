@@ -527,6 +527,7 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     aircraft: str | None = None,
     like: str | None = None,
     changes: Mapping[str, Any] | None = None,
+    kept: str | Path | None = None,
     **by: Unpack[FlownBy],
 ) -> Meeting | Retuned:
     """Find gains that meet the ``[[expect]]`` of a scenario, by flying candidates.
@@ -583,6 +584,9 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     like : as for `mission`
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
+    kept : str or Path, optional
+        With `autopilot`: file for the flights while they are flown: after a kill the same call goes
+        on.
     workers : int, optional
         Processes that fly on this machine, by default one per core; the gains found do not depend
         on them.
@@ -615,12 +619,12 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     fliers = Fliers(**by)
     check_at_least(1, budget=budget)
     of_flights = {"aircraft": aircraft, "like": like}
-    of_file = {"version": version, "log": log, "flights": flights}
+    of_file = {"version": version, "log": log, "flights": flights, "kept": kept}
     of_gains = {"also": also, "start": start, "campaign": campaign, "success": success}
     if autopilot is not None:
         _absent(of_gains | {"until_sure": until_sure}, "with the parameters of an autopilot")
         stated = flights_of_source(scenario, **of_flights, changes=changes).knowing(navigation)
-        counts = Counts(budget or BUDGET, flights, log)
+        counts = Counts(budget or BUDGET, flights, log, None if kept is None else Path(kept))
         return retune(stated, Path(autopilot), version, counts, fliers)
     _absent(of_file | of_flights, "without the parameters of an autopilot")
     if not isinstance(scenario, Scenario | str | Path):

@@ -18,6 +18,7 @@ from flighttune.base.files.whole import write_text
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
@@ -159,8 +160,8 @@ def numbers(run: Run, scenario: Scenario | None) -> list[float]:
 class Search:
     """Flies candidates of one guidance on draws of a plan, and keeps all of them."""
 
-    def __init__(self, plan: Plan, start: Autopilot, pool: WorkerPool, draws: int) -> None:
-        self.plan, self.pool, self.draws, self.flights = plan, pool, draws, 0
+    def __init__(self, plan: Plan, start: Autopilot, kept: KeptRows, draws: int) -> None:
+        self.plan, self.kept, self.draws, self.flights = plan, kept, draws, 0
         self.scenario, self.model = plan.scenario, inner_loop_of(plan.scenario)
         self.V_g = self.scenario.flight.V_a_mps + _wind(plan, draws)
         limits = conditions.limits_on(self.scenario, self.scenario.aircraft)
@@ -181,7 +182,7 @@ class Search:
         """Candidates with their flights; those beyond a bound do not fly, but for the start."""
         made = [self.candidate(law) for law in laws]
         flying = {f"c{n}": x for n, x in enumerate(made) if x.allowed or not self.candidates}
-        rows = fly(self.plan, {n: x.law for n, x in flying.items()}, self.draws, self.pool)
+        rows = fly(self.plan, {n: x.law for n, x in flying.items()}, self.draws, self.kept)
         self.flights += len(rows)
         for n, candidate in enumerate(made):
             own = rows[rows["gains"] == f"c{n}"]
@@ -236,7 +237,7 @@ class Search:
         return min([self.start, *inside], key=self.value)
 
 
-def fly(plan: Plan, laws: Mapping[str, Autopilot], draws: int, pool: WorkerPool) -> pd.DataFrame:
+def fly(plan: Plan, laws: Mapping[str, Autopilot], draws: int, kept: KeptRows) -> pd.DataFrame:
     """Rows of guidances on the first draws of a plan; ``gains`` has their names."""
     if not laws:
         return pd.DataFrame({"gains": []})
@@ -244,11 +245,8 @@ def fly(plan: Plan, laws: Mapping[str, Autopilot], draws: int, pool: WorkerPool)
     names = dict(zip(laws, both.groups, strict=False))
     both = replace(both, groups=both.groups[:-1])
     both = both.with_runs(draws * len(both.groups))
-    rows = list(
-        pool.rows(
-            both, range(both.runs), doing="searching", probes={"kept": numbers, KEPT: kept_signals}
-        )
-    )
+    probes = {"kept": numbers, KEPT: kept_signals}
+    rows = kept.flown(both, probes, doing="searching")
     frame = findings_of(pd.DataFrame(rows), both).rows
     frame["gains"] = frame["gains"].map({group.gains: name for name, group in names.items()})
     return frame
@@ -421,11 +419,12 @@ class Retuned(Answering):
 
 
 class Counts(NamedTuple):
-    """Numbers of flights of a search, and a log beside which those of the count stand."""
+    """Numbers of flights of a search, a log beside which those of the count stand, and a file."""
 
     budget: int = BUDGET
     fresh: int | None = None  # draws of the count
     log: str | None = None  # LOG@START:END for a part of it, s
+    kept: Path | None = None  # file for the flights while they are flown
 
 
 def retune(
@@ -461,12 +460,15 @@ def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPoo
         now.law, parameters={**{x.name: drawn[x.name] for x in ranges}, **now.law.parameters}
     )
     seen = replace(plan, campaign=plan.campaign.model_copy(update={"seed": plan.campaign.seed + 1}))
-    pool.progress.budget = budget
-    search = Search(seen, full, pool, DRAWS)
+    decides = {"plan": plan.as_dict(), "start": dict(full.parameters)}
+    kept = KeptRows(counts.kept, decides, pool)
+    pool.progress.budget = budget - len(kept)
+    search = Search(seen, full, kept, DRAWS)
     search.descend(ranges, budget - 2 * fresh)
     best = search.best
     laws = {YOURS: full, TUNED: best.law}
-    rows = fly(plan, laws, fresh, pool)
+    rows = fly(plan, laws, fresh, kept)
+    kept.remove()
     start, result = (
         with_flights(search.candidate(law), rows[rows["gains"] == name])
         for name, law in laws.items()

@@ -2,7 +2,11 @@
 
 import math
 import re
+import signal
+import subprocess
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,7 +16,9 @@ from log_files import sampled, write_dataflash
 from made_up import made_up_run
 
 import flighttune as ft
+from flighttune.base.errors import StoppedError
 from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.claims import counting
 from flighttune.control.laws.autopilot import Autopilot, guidance
@@ -46,7 +52,8 @@ def plan():
 @pytest.fixture(scope="module")
 def search(plan):
     with WorkerPool(Fliers(workers=1)) as pool:
-        yield Search(plan, Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0}), pool, draws=1)
+        law = Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0})
+        yield Search(plan, law, KeptRows(None, {}, pool), draws=1)
 
 
 def guided_by(search, **parameters):
@@ -262,3 +269,83 @@ def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
     assert {a.split("\t")[2] for a, b in zip(old, kept, strict=True) if a != b} == changed
     assert "tuned better in" in said
     assert re.search(r"The log lies [a-z ]*outside of [a-z ]*cross track", " ".join(said.split()))
+
+
+# Flies each run once, and stops after so many flights.
+def flying(stop_after, flown):
+    def rows(plan, runs, **_):
+        for run in runs:
+            if len(flown) == stop_after:
+                raise StoppedError("the observer stopped the flights.")
+            flown.append((plan.campaign.seed, run))
+            yield {"run": run, "kept": [run / 3.0, math.nan], "status": "completed"}
+
+    return SimpleNamespace(observer=ft.CampaignObserver(), rows=rows)
+
+
+@pytest.mark.parametrize("stop_after", [0, 2, 3, 5])
+def test_flights_of_several_plans_are_kept_and_none_is_flown_twice(plan, tmp_path, stop_after):
+    other = replace(plan, campaign=plan.campaign.model_copy(update={"seed": 77}))
+    plans, file = [plan.with_runs(3), other.with_runs(3)], tmp_path / "kept.jsonl"
+    expected = [(x.campaign.seed, run) for x in plans for run in range(3)]
+    flown = []
+    first = KeptRows(file, {"start": 1}, flying(stop_after, flown))
+    with pytest.raises(StoppedError) as stopped:
+        [first.flown(x, {}) for x in plans]
+    assert stopped.value.kept == str(file)
+    file.write_text(file.read_text() + '{"of": "half of a li')
+
+    others = []  # another command takes none of them, and this one goes on without them
+    assert len(KeptRows(file.with_name("no.jsonl"), {"start": 1}, flying(9, others))) == 0
+    kept = KeptRows(file, {"start": 1}, flying(9, flown))
+    assert len(kept) == stop_after
+    rows = [kept.flown(x, {}) for x in plans]
+    assert flown == expected
+    assert [[row["kept"][0] for row in x] for x in rows] == [[0.0, 1.0 / 3.0, 2.0 / 3.0]] * 2
+    assert len(KeptRows(file, {"start": 2}, flying(9, others))) == 0
+    kept.remove()
+    assert not file.exists()
+
+
+# A small search that is killed by itself once so many flights are there.
+SEARCH = """
+import os, signal, sys
+import flighttune as ft
+from flighttune.studies import retune
+retune.DRAWS = 1
+class Killed(ft.CampaignObserver):
+    def see(self, progress):
+        if progress.flown >= int(sys.argv[2]):
+            os.kill(os.getpid(), signal.SIGKILL)
+    def hear(self, sentence):
+        print(sentence)
+found = ft.meet(
+    "circuit_in_wind", autopilot=sys.argv[1], flights=2, budget=30, kept=sys.argv[3] or None,
+    workers=int(sys.argv[4]), observer=Killed(), changes=CHANGES,
+)
+print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), found.flights)
+"""
+
+
+@pytest.mark.soak
+def test_a_killed_search_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
+    kept = tmp_path / "runs" / "kept.jsonl"
+    text = SEARCH.replace("CHANGES", repr(SHORT | {"gains": ["paper"]}))
+
+    def search(most, place, workers):
+        words = [file, str(most), str(place), str(workers)]
+        return subprocess.run(
+            [sys.executable, "-c", text, *words], check=False, capture_output=True, text=True
+        )
+
+    # the start and a generation have at most 9 flights
+    assert search(11, kept, 1).returncode == -signal.SIGKILL
+    flown = len(kept.read_text().splitlines())
+    assert flown >= 11
+
+    said, on = search(99, kept, 2).stdout.splitlines()
+    whole = search(99, "", 1).stdout.splitlines()
+
+    assert said == f"{kept}: {flown} flights are flown already."
+    assert [on] == whole
+    assert not kept.exists()

@@ -17,57 +17,77 @@ from flighttune.flight.fly import library_versions
 
 
 class KeptRows:
-    """The flights of a plan that are flown, in a file."""
+    """Flights of one command, in one or several plans, in a file if there is any.
 
-    def __init__(self, file: Path, plan: Plan, probes: Probes) -> None:
-        self._file, self._plan, self._probes = file, plan, probes
-        decides = {"plan": plan.as_dict(), "versions": library_versions(), "probes": [*probes]}
-        # Each row has it, so that none of another command that writes to the file is taken.
-        self._of = sha256(_text(decides).encode()).hexdigest()
+    `decides` tells the command from others that write to the file, beside the versions. The file is
+    removed once the command has ended well.
+    """
 
-    def flown(self, pool: WorkerPool) -> list[Row]:
-        """Rows of all flights, in order; those that are not in the file are flown and added."""
-        rows = self._kept()
-        if rows:
-            pool.observer.hear(f"{self._file}: {len(rows)} flights are flown already.")
-        missing = [run for run in range(self._plan.runs) if run not in rows]
+    def __init__(self, file: Path | None, decides: Mapping[str, Any], pool: WorkerPool) -> None:
+        self._file, self._pool = file, pool
+        self._of = _hash({"of": decides, "versions": library_versions()})
+        # Rows by plan and run.
+        self._rows: dict[tuple[str, int], Row] = {}
+        if file is None:
+            return
+        self._read(file)
+        if self._rows:
+            pool.observer.hear(f"{file}: {len(self)} flights are flown already.")
         with apart():  # written anew, as a killed command may have left half of a line
-            write_text(self._file, "".join(map(self._line, rows.values())))
-        with (
-            keeping(self._file),
-            allowed(self._file, "writable", OutputError),
-            self._file.open("a", encoding="utf-8") as file,
-        ):
-            for row in pool.rows(self._plan, missing, probes=self._probes):
-                rows[row["run"]] = row
-                file.write(self._line(row))
-                file.flush()
-        return [rows[run] for run in range(self._plan.runs)]
+            write_text(file, "".join(self._line(*x) for x in self._rows.items()))
+
+    def __len__(self) -> int:
+        """Number of flights that are kept."""
+        return len(self._rows)
+
+    def flown(self, plan: Plan, probes: Probes, *, doing: str | None = None) -> list[Row]:
+        """Rows of all flights of a plan, in order; those that are not kept are flown and added."""
+        of_plan = _hash({"plan": plan.as_dict(), "probes": [*probes]})
+        places = [(of_plan, run) for run in range(plan.runs)]
+        missing = [place for place in places if place not in self._rows]
+        rows = self._pool.rows(plan, [run for _, run in missing], doing=doing, probes=probes)
+        if self._file is None:
+            self._rows |= {(of_plan, row["run"]): row for row in rows}
+        else:
+            with (
+                keeping(self._file),
+                allowed(self._file, "writable", OutputError),
+                self._file.open("a", encoding="utf-8") as file,
+            ):
+                for row in rows:
+                    place = of_plan, row["run"]
+                    self._rows[place] = row
+                    file.write(self._line(place, row))
+                    file.flush()
+        return [self._rows[place] for place in places]
 
     def remove(self) -> None:
-        """Remove the file of flights that are all flown."""
-        with allowed(self._file, "writable", OutputError):
-            self._file.unlink(missing_ok=True)
+        """Remove the file, of a command whose flights are all flown."""
+        if self._file is not None:
+            with allowed(self._file, "writable", OutputError):
+                self._file.unlink(missing_ok=True)
 
-    def _line(self, row: Row) -> str:
+    def _line(self, place: tuple[str, int], row: Row) -> str:
         if COMPILED in row:
             row = row | {COMPILED: row[COMPILED].text}
-        return _text({"of": self._of, "row": row}) + "\n"
+        return _text({"of": self._of, "plan": place[0], "row": row}) + "\n"
 
-    def _kept(self) -> dict[int, Row]:
-        """The plan's rows in the file, by run; none after a damaged line."""
-        rows: dict[int, Row] = {}
+    def _read(self, file: Path) -> None:
+        """Take the rows of the command from the file; none after a damaged line."""
         try:
-            for line in self._file.read_text(encoding="utf-8").splitlines():
+            for line in file.read_text(encoding="utf-8").splitlines():
                 kept = json.loads(line)
                 if kept["of"] == self._of:
                     row = kept["row"]
                     if COMPILED in row:
                         row[COMPILED] = CompiledFlights.stated(row[COMPILED])
-                    rows[row["run"]] = row
+                    self._rows[kept["plan"], row["run"]] = row
         except (OSError, ValueError, KeyError, TypeError, InputError):
             pass
-        return {run: row for run, row in rows.items() if run in range(self._plan.runs)}
+
+
+def _hash(value: Mapping[str, Any]) -> str:
+    return sha256(_text(value).encode()).hexdigest()
 
 
 def _text(value: Mapping[str, Any]) -> str:
