@@ -84,6 +84,8 @@ def own_workers(monkeypatch):
     """Workers as users have them: one for each core, whose processes end with the pool."""
     while IDLE:
         KeptFlyer().end_process()
+    while (ready := flyer.take_ready()) is not None:  # a command before left it in its own folder
+        ready.end()
     monkeypatch.setattr(pool, "Flyer", Flyer)
     monkeypatch.setattr(pool, "cores", cores)
     monkeypatch.setattr(flyer, "get_ready", get_ready)

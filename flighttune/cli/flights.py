@@ -150,22 +150,23 @@ def _open(path: Path, *, port: int | None = None) -> None:
     if recording is None:
         raise errors.RecordingError(f"{path}: the folder must hold a recording, got none.")
     command, url = viewer(recording, port=port)
-    if port is not None:
-        tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
-        say(f"open {url} in a browser, from elsewhere after: ssh {tunnel} HOST")
-    elif url:
-        say(f"There is no screen here. Open {url} in a browser on this machine; Ctrl-C ends it.")
     with on_interrupt(), suppress(KeyboardInterrupt):
+        if port is not None:
+            tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
+            say(f"open {url} in a browser, from elsewhere after: ssh {tunnel} HOST")
+        elif url:
+            say(
+                f"There is no screen here. Open {url} in a browser on this machine; Ctrl-C ends it."
+            )
         run_viewer(recording, command)
 
 
 def open_page(opened: Verb, until_closed: bool) -> None:
     """Open a page in the browser on which gains are moved and the flights follow."""
-    with opened() as page:
+    with opened() as page, on_interrupt(), suppress(KeyboardInterrupt):
         tunnel = f"ssh -L {page.port}:{LOCAL}:{page.port} HOST"
         say(f"open {page.url} in a browser, from elsewhere after: {tunnel}; Ctrl-C ends it")
-        with on_interrupt(), suppress(KeyboardInterrupt):
-            page.wait(until_closed=until_closed)
+        page.wait(until_closed=until_closed)
 
 
 def campaign(
