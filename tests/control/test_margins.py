@@ -138,6 +138,19 @@ def test_every_change_inside_the_disk_margin_is_survived():
     assert 0.0 < together.disk_margin < 2.0
 
 
+@pytest.mark.parametrize("K_I", [0.01, 1e-6])
+def test_the_disk_margin_of_an_integrator_nearly_reaches_its_bound(K_I):
+    # L = (s + K_I)/s^2, so that |S - T| is largest at omega = sqrt(K_I): sqrt(1 + 4 K_I). At
+    # infinity it is 1, and no loop has a disk margin above 2.
+    names = {"inputs": ("u",), "errors": ("e",)}
+    integrator = ft.loop.LinearModel(A=[[0.0]], B=[[1.0]], C=[[-1.0]], states=("x",), **names)
+
+    *_, together = margins.loop_margins(integrator, ft.PIGains(K_P=[[1.0]], K_I=[[K_I]], **names))
+
+    expected = 2.0 / np.sqrt(1.0 + 4.0 * K_I)
+    assert together.disk_margin == pytest.approx(expected, rel=1e-6)
+
+
 def test_an_unstable_loop_has_no_margins():
     nothing = ft.PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2)))
 

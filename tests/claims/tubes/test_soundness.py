@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from fuzzing import check_cases, few_or_many
 from hypothesis import strategies as st
-from made_up_tubes import BRAKING_LATE, DEG, EXACT_PAPER, FEW_PIECES, all_stay, tube, tube_scenario
+from made_up_tubes import (
+    BRAKING_LATE,
+    DEG,
+    EXACT_PAPER,
+    FEW_PIECES,
+    all_stay,
+    disturbed_flight,
+    tube,
+    tube_scenario,
+)
 
 import flighttune as ft
 from flighttune.claims.tubes import tube as tubes
@@ -102,6 +111,21 @@ def check(case, seed):
 @few_or_many(15, 850)
 def test_no_flight_leaves_the_tube(count):
     check_cases(check, st.one_of(paper_problems(), lagged_problems(), exact_problems()), count)
+
+
+def test_a_load_factor_at_its_rate_limit_does_not_follow_the_reference():
+    # The row of the load factor is relative to the reference, whose cosine moves by 0.009 in each
+    # sample. At its rate limit the command moves by 0.006 in a sample.
+    tables = tube_scenario(chi_err_deg=0.5, gamma_deg=60.0, n_z_per_s=0.3).as_dict()
+    ramp = {"shape": "ramp", "start_s": 0.1, "duration_s": 0.6, "rate_dps": -30.0}
+    tables["reference"]["gamma_deg"] = [ramp]
+    narrow = 1e-4
+    problem = tubes.stated_problem(ft.scenario_from(tables), ft.PAPER_GAINS, start=narrow)
+    found = tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+
+    signals, _ = disturbed_flight(problem, (narrow, -narrow))
+    assert np.diff(signals["n_z_cmd"]).min() == pytest.approx(-0.3 / 50.0)
+    assert found.bounds.contain(signals)
 
 
 def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
