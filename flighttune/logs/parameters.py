@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.table import abridged
@@ -36,14 +36,14 @@ OF_COPTERS_OF_PX4, OF_VTOLS_OF_PX4 = ("MPC_", "MC_"), ("VT_",)
 # PX4 builds that ignore NPFG_PERIOD and NPFG_DAMPING: from pull request 24056 (May 2025) to 26765
 # (March 2026), with versions before 1.17.0, and the values that they use instead.
 UNFINISHED = re.compile(r"v?1\.17\b.*(dev|alpha|beta)", re.IGNORECASE)
-OLD_TECS = re.compile(r"v?1\.(\d|1[0-2])(\.|$)")
-BEFORE_NPFG = re.compile(r"v?1\.(\d|1[0-3])(\.|$)")
 HELD = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
 
-# Beginning of a version, the newest PX4 whose sources the emulation follows, and names by which a
-# file without a version tells the TECS of PX4 before 1.13.
-VERSION, NEWEST_PX4 = re.compile(r"v?(\d+)\.(\d+)"), "1.17"
-OF_OLD_TECS = {"FW_T_HRATE_P", "FW_T_SRATE_P", "FW_T_TIME_CONST"}
+# Beginning of a version, and the last version of PX4 that flies L1.
+VERSION, LAST_L1 = re.compile(r"v?(\d+)\.(\d+)"), (1, 13)
+
+# Major and minor number of a version, and the end of an open range of versions.
+Version: TypeAlias = tuple[int, int]
+NO_END: Version = (999, 0)
 
 # Largest limit of roll or pitch, deg.
 RIGHT_ANGLE_DEG = 90.0
@@ -60,6 +60,7 @@ class Flown(NamedTuple):
     rest: int  # number of parameters in the file that do not belong to the guidance
     notes: list[str]  # sentences about changes by the version, and about gaps in the file
     beyond: list[str]  # parameters beyond their published ranges, with value and range
+    older_tecs: bool  # whether the autopilot has a TECS before the emulated one
 
 
 def flown_now(path: str | Path, version: str | None = None) -> Flown:
@@ -76,7 +77,7 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     table = guidance()[period]
     defaults = {name: x for name, x, *_ in table["parameters"]}
     used, beyond = _used(path, values, table)
-    autopilot, of_source = table["source"].split()
+    autopilot, _ = table["source"].split()
     notes = [*_contradictions(values, others, table)]
     if period == "NPFG_PERIOD" and not version:
         raise InputError(
@@ -90,8 +91,6 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
             "not use NPFG_PERIOD and NPFG_DAMPING; 10 s and 0.7071 fly in their place. If yours is "
             "later, state `version` 1.17.0."
         )
-    if autopilot == "PX4":
-        notes += _of_px4(version, values, table["source"])
     missing = f"default of {table['source']}"
     if period not in used:
         used[period] = defaults[period], missing
@@ -103,22 +102,74 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     law = Autopilot(name="yours", parameters={name: x for name, (x, _) in used.items()})
     with naming(path):
         _ = law.roles
+    told = _told(path, values, version, table)
+    notes += _of_version(told, values, table)
     of_guidance = {name for name in values if name.startswith(tuple(table["group"]))}
     unused = sorted(of_guidance - used.keys() - table.get("former", {}).keys())
     rest = len(values.keys() - of_guidance - used.keys())
-    name = f"{table['law']} and TECS of {autopilot} {version or f'as in {of_source}'}"
-    return Flown(law, name, rows, unused, rest, notes, beyond)
+    name = f"{table['law']} and TECS of {autopilot} {told.words}"
+    return Flown(law, name, rows, unused, rest, notes, beyond, older_tecs=told.older(table))
 
 
-def _of_px4(version: str, values: Mapping[str, float], source: str) -> Iterator[str]:
-    """Sentences about versions of PX4 whose sources the emulation does not follow."""
-    number = VERSION.match(version)
-    if number and [*map(int, number.groups())] > [*map(int, NEWEST_PX4.split("."))]:
-        yield f"PX4 {version} is newer than {NEWEST_PX4}, the newest that the emulation follows."
-    if OLD_TECS.match(version) or (not version and OF_OLD_TECS & values.keys()):
+class Told(NamedTuple):
+    """The version of an autopilot: stated, or between those that the names in a file tell."""
+
+    words: str
+    oldest: Version
+    newest: Version
+
+    def older(self, table: Mapping[str, Any]) -> bool:
+        """Whether its TECS is older than the emulated one."""
+        return self.newest < _version(table["versions"][0])
+
+
+def _told(path: Path, values: Iterable[str], version: str, table: Mapping[str, Any]) -> Told:
+    """The version; InputError if neither it is stated nor its names tell which TECS flies."""
+    if version:
+        return Told(version, _version(version), _version(version))
+    since = {name: x for name, x in table["since"].items() if name in values}
+    until = {name: x for name, x in table["until"].items() if name in values}
+    oldest = max(since.values(), key=_version, default="0.0")
+    newest = min(until.values(), key=_version, default="")
+    words = f"{oldest} or newer"
+    if newest:
+        words = newest if newest == oldest else f"{newest} or older"
+    told = Told(words, _version(oldest), _version(newest) if newest else NO_END)
+    if told.older(table) or told.oldest >= _version(table["versions"][0]):
+        return told
+    (autopilot, example), known = table["source"].split(), table["versions"][0]
+    telling = next(name for name, first in table["since"].items() if first == known)
+    raise InputError(
+        f"{path}: `version` must be given, such as {example}: the file has none, nor a name such "
+        f"as {telling} that tells {autopilot} {known} or newer from one with an older TECS."
+    )
+
+
+def _version(text: str) -> Version:
+    """The first two numbers of a version."""
+    number = VERSION.match(text)
+    assert number  # it is checked where it is read
+    return int(number[1]), int(number[2])
+
+
+def _of_version(told: Told, values: Mapping[str, float], table: Mapping[str, Any]) -> Iterator[str]:
+    """Sentences about a version that the emulation does not follow, or that names contradict."""
+    autopilot, _ = table["source"].split()
+    _, newest = table["versions"]
+    if told.newest != NO_END and told.oldest > _version(newest):
+        yield (
+            f"{autopilot} {told.words} is newer than {newest}, the newest that the emulation "
+            "follows."
+        )
+    if told.older(table):
         lost = " FW_T_TIME_CONST, the time in which its pitch mends the balance of energy, has no "
         lost = f"{lost}counterpart in it." * ("FW_T_TIME_CONST" in values)
-        yield f"PX4 {version or 'before 1.13'} has an older TECS; that of {source} flies.{lost}"
+        yield f"{autopilot} {told.words} has an older TECS; that of {table['source']} flies.{lost}"
+    ends = ("since", "or newer"), ("until", "or older")
+    for (key, word), beyond in zip(ends, (told.newest.__lt__, told.oldest.__gt__), strict=True):
+        for name, version in table[key].items():
+            if name in values and beyond(_version(version)):
+                yield f"{name} is of {autopilot} {version} {word}: is {told.words} your version?"
 
 
 def _rows(
@@ -180,7 +231,7 @@ def _period(path: Path, values: Mapping[str, float], vehicle: str, version: str)
             f"{path}: `version` must be given, such as 1.15: the file has neither NPFG_PERIOD nor "
             "FW_L1_PERIOD, which tell PX4 with NPFG from one with L1."
         )
-    former = BEFORE_NPFG.match(version) and not values.get("FW_USE_NPFG")
+    former = _version(version) <= LAST_L1 and not values.get("FW_USE_NPFG")
     return "FW_L1_PERIOD" if former else "NPFG_PERIOD"
 
 

@@ -90,6 +90,9 @@ DIGITS = 3
 # rates or errors beyond their bound.
 BROKEN, LOST, MISSED, BEYOND = 1e9, 1e6, 1e3, 1e1
 
+# Beginnings of the parameters of TECS.
+OF_TECS = "TECS_", "FW_T_"
+
 # A range without an upper end is searched to so many times its default.
 OPEN = 4.0
 
@@ -291,20 +294,23 @@ def ranges_of(now: Flown, place: str) -> tuple[list[Range], list[str]]:
         name: (default, low, high) for name, default, _, _, low, high in table["parameters"]
     }
     source = {row["name"]: row["from"] for row in now.rows}
-    stated = {name for name in table["searched"] if source[name] == place}
+    of_tecs = [name for name in table["searched"] if name.startswith(OF_TECS)] * now.older_tecs
+    searched = [name for name in table["searched"] if name not in of_tecs]
+    stated = {name for name in searched if source[name] == place}
     ranges = []
-    for name in table["searched"]:
+    for name in searched:
         default, low, high = published[name]
         if name in stated:
             ranges.append(Range(name, low, high if high < math.inf else OPEN * default))
-    absent = [name for name in table["searched"] if name not in stated]
+    absent = [name for name in searched if name not in stated]
     if not ranges:
         raise InputError(
-            f"{place}: must state one of {', '.join(table['searched'])}, which are searched, got "
-            "none that this version flies."
+            f"{place}: must state one of {', '.join(searched)}, which are searched, got none that "
+            "this version flies."
         )
     said = f"Not searched, as the file does not state them for this version: {listed(absent)}."
-    return ranges, [said] * bool(absent)
+    older = f"Not searched, as the TECS of this version is not the emulated one: {listed(of_tecs)}."
+    return ranges, [said] * bool(absent) + [older] * bool(of_tecs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -36,7 +36,7 @@ FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("now") / "plane.parm"
-    path.write_text("NAVL1_PERIOD 14\nNAVL1_DAMPING 0.8\nTECS_THR_DAMP 0.5\nRC1_MIN 1000\n")
+    path.write_text("NAVL1_PERIOD 14\nNAVL1_DAMPING 0.8\nTECS_THR_DAMP 0.5\nROLL_LIMIT_DEG 45\n")
     return path
 
 
@@ -285,7 +285,7 @@ def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
 def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, options, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "copter.param").write_text("ATC_RAT_RLL_P,0.1\n")
-    (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\n")
+    (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\nROLL_LIMIT_DEG,45\n")
     _, failure = flighttune("compare", "paper@paper", *options, status=2)
     assert words in failure
 

@@ -169,6 +169,17 @@ def test_what_a_file_does_not_state_is_not_searched(file):
     assert "FW_T_HRATE_FF and FW_T_I_GAIN_PIT" in notes[0]
 
 
+def test_parameters_of_a_tecs_that_is_not_emulated_are_not_searched(tmp_path):
+    old = tmp_path / "old.param"
+    old.write_text("NAVL1_PERIOD,17\nTECS_TIME_CONST,5\nTECS_PTCH_DAMP,0.3\n")
+    for version, searched in (("4.3", 1), ("4.4", 3)):
+        ranges, notes = retune.ranges_of(flown_now(old, version), old.name)
+        assert len(ranges) == searched
+        assert ("TECS of this version is not the emulated one: TECS_TIME" in str(notes)) == (
+            version == "4.3"
+        )
+
+
 @pytest.mark.filterwarnings("error")
 def test_an_error_that_is_none_with_both_bounds_nothing(file):
     exact = [1.0, 2.0, 0.0, 4.0, 0.1, 0.5]
@@ -240,8 +251,8 @@ def test_a_period_whose_way_back_is_steeper_than_the_roll_is_not_flown(search):
 )
 def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, options, words):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\n")
-    (tmp_path / "other.param").write_text("TECS_SPDWEIGHT,1\n")
+    (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\nROLL_LIMIT_DEG,45\n")
+    (tmp_path / "other.param").write_text("TECS_SPDWEIGHT,1\nROLL_LIMIT_DEG,45\n")
     assert words in flighttune("meet", *options, status=2)[1]
 
 

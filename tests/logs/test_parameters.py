@@ -94,10 +94,10 @@ def test_mission_planner_separates_as_it_likes(tmp_path, separator):
     file = tmp_path / "plane.param"
     lines = [f"{name}{separator}{value}" for name, value in PLANE.items()]
     file.write_text("#NOTE: 1/2/2024 Plane: mine\n" + "\n".join(lines) + "  # comment\n")
-    now = flown_now(file)
+    now = flown_now(file, "4.4")
 
     assert now.law.parameters == {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 55.0}
-    assert now.name == "L1 and TECS of ArduPilot as in 4.5"
+    assert now.name == "L1 and TECS of ArduPilot 4.4"
     assert (now.unused, now.rest) == (["TECS_THR_DAMP"], 1)
 
 
@@ -105,10 +105,10 @@ def test_a_parameter_by_its_new_name_stands_before_that_by_its_former(tmp_path):
     file = tmp_path / "plane.param"
     file.write_text("NAVL1_PERIOD,14\nLIM_ROLL_CD,5500\nROLL_LIMIT_DEG,40\n")
 
-    now = flown_now(file)
+    now = flown_now(file, "4.5")
 
     assert now.law.parameters["ROLL_LIMIT_DEG"] == 40.0
-    assert now.notes == ["LIM_ROLL_CD is 5500 and ROLL_LIMIT_DEG 40: ROLL_LIMIT_DEG is used."]
+    assert now.notes[:1] == ["LIM_ROLL_CD is 5500 and ROLL_LIMIT_DEG 40: ROLL_LIMIT_DEG is used."]
 
 
 def test_a_log_of_ardupilot_has_its_parameters_and_version(tmp_path):
@@ -120,7 +120,7 @@ def test_a_log_of_ardupilot_has_its_parameters_and_version(tmp_path):
 
 def test_a_telemetry_log_has_its_parameters_and_vehicle(tmp_path):
     file = tmp_path / "flight.tlog"
-    now = flown_now(write_tlog(file, PLANE))
+    now = flown_now(write_tlog(file, PLANE), "4.4")
     assert now.law.parameters == {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 55.0}
 
     # https://mavlink.io/en/services/parameter.html: PX4 encodes integers by their bytes
@@ -299,7 +299,7 @@ def test_a_telemetry_log_has_the_parameters_of_the_autopilot_among_its_component
     with file.open("ab") as log:
         log.write(struct.pack(">Q", 10**15) + sent.pack(gimbal))
 
-    assert flown_now(file).law.parameters["NAVL1_PERIOD"] == 14.0
+    assert flown_now(file, "4.4").law.parameters["NAVL1_PERIOD"] == 14.0
 
 
 def test_every_default_is_within_its_published_range():
@@ -317,9 +317,47 @@ def test_a_version_that_is_none_is_refused_and_a_newer_one_is_told(tmp_path):
         assert ("is newer than 1.17" in str(notes)) == told
 
 
-def test_a_file_without_a_version_tells_an_older_tecs_by_its_names(tmp_path):
-    file = tmp_path / "px4.param"
-    file.write_text("FW_L1_PERIOD,20\nFW_T_TIME_CONST,5\n")
-    assert "before 1.13 has an older TECS" in str(flown_now(file).notes)
-    file.write_text("FW_L1_PERIOD,20\nFW_T_ALT_TC,5\n")
-    assert "older TECS" not in str(flown_now(file).notes)
+@pytest.mark.parametrize(
+    ("rows", "words", "older"),
+    [
+        # release notes of ArduPlane 4.5: ROLL_LIMIT_DEG replaces LIM_ROLL_CD; pull request 22191,
+        # of ArduPlane 4.4, has the present TECS and TECS_HDEM_TCONST
+        ("NAVL1_PERIOD,17\nROLL_LIMIT_DEG,45", "ArduPilot 4.5 or newer", False),
+        ("NAVL1_PERIOD,17\nTECS_HDEM_TCONST,3", "ArduPilot 4.4 or newer", False),
+        ("LIM_ROLL_CD,4500\nTECS_HDEM_TCONST,3", "ArduPilot 4.4", False),
+        ("FW_L1_PERIOD,20\nFW_T_TIME_CONST,5", "PX4 1.12 or older", True),
+        ("FW_L1_PERIOD,20\nFW_T_ALT_TC,5", "PX4 1.13", False),
+    ],
+)
+def test_a_file_without_a_version_tells_it_by_names_that_came_or_went(tmp_path, rows, words, older):
+    file = tmp_path / "x.param"
+    file.write_text(rows)
+    now = flown_now(file)
+    assert now.name == f"L1 and TECS of {words}"
+    assert now.older_tecs is older
+    assert ("has an older TECS" in str(now.notes)) is older
+
+
+@pytest.mark.parametrize("rows", ["NAVL1_PERIOD,17", "LIM_ROLL_CD,4500", "FW_L1_PERIOD,20"])
+def test_a_file_whose_names_tell_no_version_asks_for_it(tmp_path, rows):
+    file = tmp_path / "x.param"
+    file.write_text(rows)
+    example, other = ("4.5", "4.3") if "FW" not in rows else ("1.13", "1.11")
+    with pytest.raises(ft.InputError, match=f"x.param: `version` must be given, such as {example}"):
+        flown_now(file)
+    assert not flown_now(file, example).older_tecs
+    assert flown_now(file, other).older_tecs
+
+
+def test_names_that_a_version_does_not_have_are_said(tmp_path):
+    file = tmp_path / "x.param"
+    file.write_text("NAVL1_PERIOD,17\nROLL_LIMIT_DEG,45\n")
+    assert "ROLL_LIMIT_DEG is of ArduPilot 4.5 or newer: is 4.3 your" in str(
+        flown_now(file, "4.3").notes
+    )
+    assert "your version" not in str(flown_now(file, "4.6.1").notes)
+    assert "4.7.1 is newer than 4.6" in str(flown_now(file, "4.7.1").notes)
+    file.write_text("NAVL1_PERIOD,17\nLIM_ROLL_CD,4500\n")
+    assert "LIM_ROLL_CD is of ArduPilot 4.4 or older: is 4.6 your" in str(
+        flown_now(file, "4.6").notes
+    )

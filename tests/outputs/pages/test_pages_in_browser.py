@@ -64,7 +64,7 @@ def pages(tmp_path_factory):
         if kind not in texts:
             folder = tmp_path_factory.mktemp(kind)
             plan_file(folder / "m.plan", *MISSION, geoFence=FENCE)
-            (folder / "my.parm").write_text("NAVL1_PERIOD 14\nRC1_MIN 1000\n")
+            (folder / "my.parm").write_text("NAVL1_PERIOD 14\nROLL_LIMIT_DEG 45\n")
             if kind == "log":
                 write_csv(folder / "log.csv", *sampled(heavy_cessna(30.0)))
             *commands, last = PAGES[kind]
