@@ -1,7 +1,7 @@
 """Counts of flights that turn back, and their room beyond the route."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -76,6 +76,15 @@ class RoomSignals(Measured):
         return np.array([math.ceil(_turns(central).detected_s * per_unit), samples - 1])
 
 
+def _with_sum(
+    term: str, what: str, rows: Sequence[tuple[str, str, float, float | None]]
+) -> list[dict[str, Any]]:
+    """Records of terms, and after them one with their sum."""
+    sums = (sum(x or 0.0 for x in column) for column in list(zip(*rows, strict=True))[2:])
+    keys = "term", "is", "guideline", "counted"
+    return [dict(zip(keys, row, strict=True)) for row in (*rows, (term, what, *sums))]
+
+
 def _turns(scenario: Scenario) -> TurnBackTable:
     """The turn back of flights in a scenario; InputError if its flights do not turn back."""
     if scenario.turn_back is None:
@@ -100,6 +109,12 @@ class TurnRoom(NamedTuple):
 # Flight Geography, Contingency Volume and Ground Risk Buffer, 1.7 (2024), as calculators quote it;
 # that of flight-geography-calculator.dronedesk.io has the sums and the three dimensions.
 S_GPS, S_POS, S_K, LEAST_SIZES = 3.0, 3.0, 1.0, 3.0
+
+# Error of a barometric height, m (of one by GPS 4 m); the share of the speed that climbs, at 45 deg
+# of pitch, during the reaction; and the height in V^2/g of the arc that ends this climb,
+# 1 - cos(45 deg). They are quoted by natrammor/uav_flight_geometry (the share) and by Digisky's
+# GroundRiskBuffer3.py (all but the 1 m), which has them from FOCA's UAS-GM-Part1.
+H_BARO, CLIMBING, ARC = 1.0, 0.7, 0.3
 
 # Words for the ends of flights.
 ENDED = {"no_trim": "without a steady flight at their start"}
@@ -126,7 +141,7 @@ class TurnBack(Counted):
         """The room in a line of a mission's answer, or why there is no claim."""
         if self.claims:
             begun = f" Its flights are {self.begun}." if self.begun else ""
-            return f"Turning back takes {self.room.from_route:.0f} m beyond it.{begun}"
+            return f"Turning back takes {self.room.from_route:.0f} m beyond the corridor.{begun}"
         ended = "".join(
             f", {row['count']} of them {ENDED.get(row['status'], row['status'].replace('_', ' '))}"
             for row in endings(self.endings)
@@ -198,27 +213,35 @@ class TurnBack(Counted):
         return self.flights.span or 0.0
 
     def terms(self, corridor: Band) -> list[dict[str, Any]]:
-        """Terms of the width of a contingency volume: of the guideline, and as counted, m.
+        """Terms of a contingency volume beyond the path: of the guideline, and as counted, m.
 
         The guideline's speed is over ground, so the planned wind is added to the airspeed. The room
-        that was counted is reaction and manoeuvre together. The last row has their sum.
+        that was counted is reaction and manoeuvre together. S_CV is the sum of the width, H_CV that
+        of the height, whose first term is counted with the errors of flying.
         """
         g = self.flights.central.flight.g_mps2
         V_0 = max(self.flights.central.airspeeds) + max(self.table.wind(g), 0.0)
         reaction = V_0 * self.table.reaction_s
         turn = self.table.formula(V_0, g) - reaction
-        beside = self.volumes(corridor)[GEOGRAPHY].width
+        geography, planned = self.volumes(corridor)[GEOGRAPHY], corridor.flights.route
+        beside, path = geography.width, planned.reference.path
+        highest = float(path.up[path.s <= path.length].max()) + planned.where[2]
+        above = geography.high - (highest - corridor.flights.central.flight.ground_m)
         errors = navigation_errors(corridor)
         navigation = 0.0 if errors is None else min(errors.beside, beside)
-        terms = [
-            {"term": "S_GPS", "is": "navigation", "guideline": S_GPS, "counted": navigation},
-            {"term": "S_Pos", "is": "holding", "guideline": S_POS, "counted": beside - navigation},
-            {"term": "S_K", "is": "map", "guideline": S_K, "counted": None},
-            {"term": "S_RZ", "is": "reaction, in S_CM", "guideline": reaction, "counted": None},
-            {"term": "S_CM", "is": "manoeuvre", "guideline": turn, "counted": self.room.from_route},
+        aside = [
+            ("S_GPS", "navigation", S_GPS, navigation),
+            ("S_Pos", "holding", S_POS, beside - navigation),
+            ("S_K", "map", S_K, None),
+            ("S_RZ", "reaction, in S_CM", reaction, None),
+            ("S_CM", "manoeuvre", turn, self.room.from_route),
         ]
-        sums = {key: sum(x[key] or 0.0 for x in terms) for key in ("guideline", "counted")}
-        return [*terms, {"term": "S_CV", "is": "sum", **sums}]
+        upwards = [
+            ("H_baro", "navigation, holding", H_BARO, above),
+            ("H_RZ", "reaction, in H_CM", CLIMBING * reaction, None),
+            ("H_CM", "manoeuvre", ARC * V_0**2 / g, self.room.height),
+        ]
+        return [*_with_sum("S_CV", "width", aside), *_with_sum("H_CV", "height", upwards)]
 
     def sizes(self) -> list[dict[str, float]]:
         return [{"high": size} for size in self.room]

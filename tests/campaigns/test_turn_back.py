@@ -362,9 +362,21 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     assert [terms[f"S_{x}"] for x in ("GPS", "Pos", "K")] == [3.0, 3.0, 1.0]
     assert terms["S_RZ"] == pytest.approx(36.0)
     assert terms["S_CM"] == pytest.approx(36.0**2 / (9.81 * np.tan(np.deg2rad(BANK))))
+    # In height 1 m for a barometer, a climb at 45 deg, and the arc that ends it. The calculators
+    # round sqrt(2)/2 to 0.7, and its complement to 0.3.
+    rounded = 0.03 * 36.0**2 / 9.81
+    assert (terms["H_baro"], terms["H_RZ"]) == (1.0, pytest.approx(36.0 * 0.7))
+    assert terms["H_CM"] == pytest.approx(36.0**2 / 9.81 * (1.0 - np.sqrt(0.5)), abs=rounded)
+    assert terms["H_CV"] == pytest.approx(terms["H_baro"] + terms["H_RZ"] + terms["H_CM"])
     counted = [row["counted"] for row in said.values["turn_back"]["terms"]]
-    # It knows its place exactly; the sum is the width of the contingency volume.
-    assert counted == [0.0, pytest.approx(5.0), None, None, 272.0, pytest.approx(277.0)]
+    # It knows its place exactly; the sums are the sizes of the contingency volume.
+    assert counted[:6] == [0.0, pytest.approx(5.0), None, None, 272.0, pytest.approx(277.0)]
+    assert counted[6:] == [
+        pytest.approx(2.0, abs=CLIMBS),
+        None,
+        4.0,
+        pytest.approx(6.0, abs=CLIMBS),
+    ]
     with mock.patch.object(TurnBack, "largest_dimension", 40.0):
         geography, contingency, buffer = room.volumes(corridor).values()
     assert (geography.width, geography.high - geography.low) == (60.0, 120.0)

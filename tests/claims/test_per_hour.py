@@ -288,6 +288,14 @@ def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
     said = " ".join(hourly.answer().summary)
     assert "The target holds if a flight is ended within 2 s of a stuck aileron." in said
 
+    assert "declared" not in " ".join(answers.endings(hourly))  # none was ended
+    falls = {**hourly.rates, "ending": {"kind": "cut", "fall_per_height": 1.5}}
+    cut = replace(struck, ended_at_s=(5.0,) * 300)
+    hourly = replace(hourly, rates=falls, terms=(healthy, cut))
+    assert answers.endings(hourly)[1] == (
+        "An aircraft that falls comes 1.5 m away per metre of height, as declared."
+    )
+
 
 def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hole_within():
     planned = ft.route("circuit")  # a loop that is wider than twice the room

@@ -12,7 +12,7 @@ from flighttune.outputs.answers.turn_back import ended
 # Sentences at the top of a page.
 LINES = 4
 
-TERMS = "width of the contingency volume beyond the path, by the guideline and as counted"
+TERMS = "contingency volume beyond the path, by the guideline and as counted"
 TERM_COLUMNS = (
     Column("term", "term"),
     Column("is", "what"),
@@ -72,7 +72,7 @@ def _of_flights(mission: MissionOdds) -> Answer:
 
 
 def terms_table(room: TurnBack, band: Band) -> list[Table]:
-    """Terms of the width of the contingency volume, if one is claimed."""
+    """Terms of the contingency volume, if one is claimed."""
     if not (room.claims and band.claims):
         return []
     return [Table(TERM_COLUMNS, room.terms(band), TERMS)]

@@ -200,15 +200,27 @@ def notes(hourly: PerHour) -> list[str]:
     """What is declared, what is counted, and what is not in it."""
     exposure, kinds = hourly.exposure, [x.kind.replace("_", " ") for x in hourly.table.fault]
     hours = exposure.hours(hourly.bound.each)
-    endings = [hourly.table.ending_of(x.fault) for x in hourly.terms if x.ended]
     return [
         f"The rates of {listed(kinds)} are declared by the applicant; the shares are counted. Each "
         f"fault begins at a time drawn from {exposure.window_s:g} s, and a flight lasts "
         f"{hours:.3g} h or more on average.",
-        *(ENDINGS[ending] for ending in dict.fromkeys(endings)),
+        *endings(hourly),
         "A flight leaves by a side or the top of the volume, or by the floor of a fence before it "
         "comes down. A flight whose model no longer holds counts as outside, unless it was ended "
         "and falls to the ground inside as declared.",
         "Faults of other kinds, in wind or air beyond what is drawn, errors of the crew, other "
         "traffic, and injuries on the ground are not in it.",
     ]
+
+
+def endings(hourly: PerHour) -> list[str]:
+    """What ended flights do, and what is declared of them."""
+    hows = dict.fromkeys(hourly.table.ending_of(x.fault) for x in hourly.terms if x.ended)
+    ending, said = hourly.table.ending, [ENDINGS[how] for how in hows]
+    if "parachute" in hows:
+        opens = f"{ending.opens_s:g} s and sinks by {ending.sink_mps:g} m/s"
+        said.append(f"It opens after {opens}, as declared.")
+    if ending.fall_per_height is not None and hows.keys() - {"parachute"}:
+        fall = f"{ending.fall_per_height:g} m away per metre of height"
+        said.append(f"An aircraft that falls comes {fall}, as declared.")
+    return said

@@ -217,6 +217,9 @@ def band(claim: Band, asked: Asked) -> Parts:
         return replace(parts, sentences=[claim.sentence, *claim.said_of_fences])
     mission = asked.mission or kept_mission(claim, Path(asked.source))
     said, parts = mission.answer(), _counted(claim, claim.answer(asked.source))
+    # The tables of the page have the conditions and the terms of the exits per flight hour.
+    in_tables = {said.summary[-1], *(mission.per_hour.answer().summary if mission.per_hour else ())}
+    others = [x for x in said.summary[LINES:] if x not in in_tables]
     notes, tables = [*parts.notes, claim.sentence, *claim.said_of_fences], [*parts.tables]
     notes += [NOT_SEEN] * (mission.terrain is None)
     if mission.room is not None:
@@ -228,7 +231,7 @@ def band(claim: Band, asked: Asked) -> Parts:
         title=f"Mission {quoted(claim.flights.scenario.title)}",
         heading="Map, heights and corridor",
         sentences=said.summary[:LINES],
-        changed=[*said.summary[LINES:], *said.changed],
+        changed=[*others, *said.changed],
         notes=[*notes, *how_to_read(claim)],
         tables=tables,
         below=sheet.volumes(mission),

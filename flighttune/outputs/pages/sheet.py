@@ -37,7 +37,7 @@ FAILURES = "Failures of engine, link and receiver"
 
 
 def volumes(mission: MissionOdds) -> list[Table]:
-    """Terms of the width of the contingency volume, and the sizes of all volumes, if claimed."""
+    """Terms of the contingency volume, and the sizes of all volumes, if claimed."""
     if mission.room is None:
         return []
     terms = terms_table(mission.room, mission.band)
@@ -73,6 +73,11 @@ def conditions(mission: MissionOdds) -> dict[str, str]:
     counted = f"{len(band.scores)} counted, {about.learned} learned from"
     if mission.room is not None:
         counted += f"; {len(mission.room.scores)} counted that turn back"
+    hourly, of_hours = mission.per_hour, {}
+    if hourly is not None:
+        of_hours["operational volume"] = "the fence" if about.fences else "the contingency volume"
+        if said := per_hour.endings(hourly):
+            of_hours["endings"] = " ".join(said)
     return {
         "aircraft": f"{flights.plant}{size}, at {distribution.airspeeds}",
         "drawn at random": "; ".join(distribution.varied) or "no more",
@@ -81,6 +86,7 @@ def conditions(mission: MissionOdds) -> dict[str, str]:
         "law": f"{law.kind}, gains {flights.gains_name}: {_gains(band)}",
         "route": f"{flights.route.answer().verdict}",
         "flights": f"{counted}; seed {about.plan['campaign']['seed']}",
+        **of_hours,
     }
 
 
@@ -112,7 +118,7 @@ def claims(mission: MissionOdds) -> dict[str, str]:
     missing = FAILURES if hourly is None else "Faults of other kinds"
     stated["not in it"] = f"{missing}, errors of the crew, other traffic and injuries on the ground"
     if mission.terrain is None:
-        stated["ground"] = NOT_SEEN
+        stated["ground"] = NOT_SEEN.partition(":")[0]
     return {what: sentence(claim) for what, claim in stated.items()}
 
 
