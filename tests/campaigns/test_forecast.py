@@ -328,6 +328,18 @@ BAD = {
     "no times": (lambda x: x["hourly"].update(time=[]), "must have rising times"),
     "no place": (lambda x: x.pop("latitude"), "`latitude` must be a number"),
     "elsewhere": (lambda x: x.update(latitude=52.5), "within 50 km of the mission"),
+    "beyond a pole": (lambda x: x.update(latitude=200.0), "within 50 km of the mission"),
+    "twice": (
+        lambda x: (
+            x["hourly"].update({SPEED_80.replace("d_s", "ds"): [1.0] * 3})
+            or x["hourly_units"].update({SPEED_80.replace("d_s", "ds"): "m/s"})
+        ),
+        "must have wind_speed_80m once",
+    ),
+    "no height": (
+        lambda x: x.update(hourly={"time": [0], f"wind_speed_{'9' * 5000}m": [1.0]}),
+        "another height",
+    ),
     "low": (lambda x: [x["hourly"].pop(k) for k in [*x["hourly"]] if "120m" in k], "100 m over"),
 }
 
@@ -394,6 +406,30 @@ def test_bad_input_is_refused_in_a_line_that_names_the_file(tmp_path, case):
     assert said.startswith(f"{file}: ")
     assert words in said
     assert "\n" not in said
+
+
+def test_times_with_an_offset_are_not_by_the_clock_of_the_file(tmp_path):
+    tables = forecast() | {"utc_offset_seconds": 3600}
+    tables["hourly"]["time"] = [f"2026-11-29T{hour:02d}:00+05:00" for hour in (5, 6, 7)]
+    loaded = load_forecast(written(tmp_path / "f.json", tables))
+    assert [time.isoformat() for time in loaded.times] == [
+        f"2026-11-29T{hour:02d}:00:00+01:00" for hour in (1, 2, 3)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text.replace(",0,", f",{'9' * 200_000},", 1), "must be CSV"),
+        (lambda text: text.replace("wind_speed_120m (", "wind_speed_80m ("), "each column once"),
+    ],
+)
+def test_a_csv_that_cannot_be_read_is_refused(tmp_path, change, words):
+    file = tmp_path / "f.csv"
+    file.write_text(change(as_csv(forecast())))
+    with pytest.raises(ft.InputError, match=words) as caught:
+        load_forecast(file)
+    assert str(caught.value).startswith(f"{file}: ")
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -34,7 +34,7 @@ from flighttune.routes.maps import LatLon, json_number, json_part, north_east
 # Names of a quantity at a height over ground, m, or a pressure, hPa, of a member of an ensemble or
 # of the spread of its members.
 NAME = re.compile(
-    r"(?:wind_?(speed|direction)|geopotential_(height))_(\d+)(m|hPa)(?:_member(\d+))?(_spread)?"
+    r"(?:wind_?(speed|direction)|geopotential_(height))_(\d{1,5})(m|hPa)(?:_member(\d{1,4}))?(_spread)?"
 )
 
 # Units of the wind speed by their names in `hourly_units`, m/s.
@@ -88,7 +88,8 @@ class WindForecast:
         empty for all times of the file. Of an interval the times in it and next to it count.
         Between levels the wind is linear, and below the lowest level it is that of this level.
         """
-        if math.hypot(*north_east(self.place, start)) > FARTHEST:
+        # A latitude beyond a pole is at no distance: NaN.
+        if not math.hypot(*north_east(self.place, start)) <= FARTHEST:
             raise InputError(
                 f"`latitude` and `longitude` must be within {FARTHEST / 1e3:g} km of the mission, "
                 f"which starts at {start[0]:.4f}, {start[1]:.4f}, got {self.place[0]:g}, "
@@ -211,11 +212,11 @@ def load_forecast(path: str | Path, near: LatLon | None = None) -> WindForecast:
         times = _times(
             hourly, json_number(tables.get("utc_offset_seconds"), "`utc_offset_seconds`")
         )
-        columns = {
-            _of(name): _column(name, hourly, units, len(times))
-            for name in hourly
-            if NAME.fullmatch(name)
-        }
+        columns: dict[_Of, FloatArray] = {}
+        for name in filter(NAME.fullmatch, hourly):
+            if _of(name) in columns:
+                raise InputError(f"`hourly` must have {_of(name).name} once, got it twice.")
+            columns[_of(name)] = _column(name, hourly, units, len(times))
         winds, heights, kind = _winds(columns, len(times), tables)
         rising = np.argsort(heights, axis=1, kind="stable")
         return WindForecast(
@@ -329,7 +330,7 @@ def _times(hourly: Mapping[str, Any], offset_s: float) -> list[datetime]:
         times = [
             datetime.fromtimestamp(x, zone)
             if isinstance(x, int | float)
-            else datetime.fromisoformat(x).replace(tzinfo=zone)
+            else _by_clock(datetime.fromisoformat(x), zone)
             for x in stated
         ]
     except (TypeError, ValueError, OverflowError, OSError) as error:
@@ -339,6 +340,11 @@ def _times(hourly: Mapping[str, Any], offset_s: float) -> list[datetime]:
     if not times or any(a >= b for a, b in pairwise(times)):
         raise InputError(f"`time` must have rising times, got {abridged(stated)}.")
     return times
+
+
+def _by_clock(time: datetime, zone: tzinfo) -> datetime:
+    """A time in a zone; one without an offset is by its clock."""
+    return time.astimezone(zone) if time.tzinfo else time.replace(tzinfo=zone)
 
 
 def _column(
@@ -363,7 +369,10 @@ def _column(
 def _csv_tables(file: Path) -> dict[str, Any]:
     """The tables of JSON from CSV: lines about the place, then columns named ``NAME (UNIT)``."""
     text = file_text(file)
-    rows = [row for row in csv.reader(io.StringIO(text)) if row]
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text)) if row]
+    except csv.Error as error:
+        raise InputError(f"{file}: must be CSV of Open-Meteo: {error}.") from error
     if len(rows) < 3 or rows[0][0] != "latitude" or rows[2][0] != "time":
         raise InputError(
             f"{file}: must begin with lines of latitude, ... and of time, ..., as a CSV of "
@@ -377,6 +386,8 @@ def _csv_tables(file: Path) -> dict[str, Any]:
             )
     named = [re.fullmatch(r"(\w+)(?: \((.*)\))?", head) for head in heads]
     columns = [(x[1], x[2]) if x else (head, "") for x, head in zip(named, heads, strict=True)]
+    if len({*heads}) < len(heads):
+        raise InputError(f"{file}: must have each column once, got {abridged(heads)}.")
     values = {
         name: [line[i] if name == "time" else _number(line[i]) for line in lines]
         for i, (name, _) in enumerate(columns)
