@@ -506,7 +506,7 @@ def _say_rest(said: Verdicts, now: _Judgement, given: Given) -> None:
             agree.setdefault(relation.others, []).append(name + ratio)
         if not holds:
             reasons = [match.why for _, match in about if match.why]
-            reason = reasons[0] if reasons else "no other column of the log shows it"
+            reason = reasons[0] if reasons else "the log has no related column"
             why.setdefault(reason, []).append(name)
     if agree:
         pairs = (f"{listed(names)} with {others}" for others, names in agree.items())

@@ -30,7 +30,7 @@ LONGEST = 40
 def answer(comparison: Comparison) -> Answer:
     """Pairs and metrics side by side; exit status 2 if the runs cannot be compared."""
     differs = dict.fromkeys(
-        f"Not the same: {key}{different(first, second)}."
+        f"A and B differ in `{key}`{different(first, second)}."
         for pair in comparison.pairs
         for key, (first, second) in sorted(pair.differs.items())
     )

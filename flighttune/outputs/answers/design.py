@@ -25,7 +25,13 @@ def answer(designed: DesignedAircraft) -> Answer:
     ]
     gains = Table(columns("gain designed before"), compared, designed.config.title)
     values, tables = {"gains": designed.gains.gains}, [gains, steps_table(designed.steps)]
-    return Answer(values=values, tables=tables, failure=designed.missed)
+    met, n = sum(step.met for step in designed.steps), len(designed.steps)
+    return Answer(
+        summary=[f"{met} of {n} step responses meet their requirements."],
+        values=values,
+        tables=tables,
+        failure=designed.missed,
+    )
 
 
 def steps_table(steps: Sequence[StepResponse]) -> Table:

@@ -21,11 +21,11 @@ def flight(exported: ExportedFlight) -> Answer:
             "csv": folder / CSV,
             "differences": {COLUMNS[name]: value for name, value in exported.differences.items()},
         },
+        summary=[exported.verdict] if exported.same else (),
         notes=[
             *exported.notes,
-            f"The command flies it and writes {folder / CSV}, which has the flight from "
-            f"Time = {exported.start:g} s on.",
-            *([exported.verdict] if exported.same else ()),
+            f"This command flies it again and writes {folder / CSV}, where the flight begins at "
+            f"Time = {exported.start:g} s:",
         ],
         command=exported.command,
         files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},

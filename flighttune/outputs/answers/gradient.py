@@ -1,11 +1,18 @@
 """The answer of `flighttune gradient`."""
 
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from flighttune.base.words import number, pick
 from flighttune.flight.gradient import Gradient
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns, measure_words, metric_label
 
 COLUMNS = columns("parameter value slope per_10_percent why", of="gradient")
+
+# Measures with a sentence each.
+SENTENCES = 4
 
 HELD = (
     "Limits hold a command for {:.2f} s of the flight; slopes take the samples at limits as fixed."
@@ -20,6 +27,7 @@ def answer(gradient: Gradient) -> Answer:
         for name, value in gradient.values.items()
     }
     return Answer(
+        summary=[*filter(None, (strongest(name, rows) for name in [*titles][:SENTENCES]))],
         values={"run": gradient.run.label, **pick(gradient, "values slopes at_limits_s")},
         tables=[
             Table(COLUMNS, [row for row in rows if row["measure"] == name], title)
@@ -27,3 +35,15 @@ def answer(gradient: Gradient) -> Answer:
         ],
         notes=[HELD.format(gradient.at_limits_s)] if gradient.at_limits_s else [],
     )
+
+
+def strongest(measure: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """The parameter that moves a measure most; empty if none does."""
+    changes = {row["parameter"]: row["per_10_percent"] for row in rows if row["measure"] == measure}
+    known = {name: change for name, change in changes.items() if not math.isnan(change)}
+    most = max(known, key=lambda name: abs(known[name]), default="")
+    if not known.get(most):
+        return ""
+    shown = metric_label(measure)
+    change = f"{number(known[most], '.2g')} {shown.unit.strip('1')}".strip()
+    return f"{measure_words(measure)}: {most} moves it most, by {change} for +10 %."

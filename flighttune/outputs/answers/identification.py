@@ -48,11 +48,16 @@ def answer(identification: AircraftIdentification) -> Answer:
         for channel, fitted in point.channels.items()
         if fitted.fit_percent < GOOD_FIT
     ]
+    fits = [row["fit_percent"] for x in conditions for row in x["channels"].values()]
     less = f"a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
     title = f"{identification.place}: airframe without the inner loop"
     airframe = Table(MODE_COLUMNS, identification.modes, title, name="modes")
     values = {"aircraft": identification.identified.aircraft, "channels": conditions[0]["channels"]}
     return Answer(
+        summary=[
+            f"The lags identified explain at least {min(fits):.2f} % of the variance of roll and "
+            f"load factor (conditions: {len(conditions)})."
+        ],
         values={**values, "conditions": conditions, "skipped": identification.skipped},
         tables=[lags_table(identification.identified), airframe],
         notes=[FIT_NOTE, *(f"left out: {reason}" for reason in identification.skipped)],

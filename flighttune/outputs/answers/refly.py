@@ -24,8 +24,11 @@ def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answe
     around = claimed(reflown.flown.runs if reflown.flown else ())
     versions = reflown.versions.items()
     changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
+    equal = sum(run["equal"] for run in records)
+    same = f"Runs equal to the bit when flown again: {equal} of {len(records)}."
     different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
     return Answer(
+        summary=[same],
         values={
             **pick(reflown, "equal missing"),
             "versions": {name: {"recorded": then, "now": now} for name, (then, now) in versions},

@@ -24,7 +24,9 @@ def answer(trims: Trims, *, every_condition: bool = False) -> Answer:
         records, columns = list(speeds(records)), SPEED_COLUMNS
     reason = trims.records[0]["reason"]
     failure = f"{trims.aircraft}: no steady flight among {len(trims.records)}: {reason}"
+    steady = sum(bool(row["trim"]) for row in trims.records)
     return Answer(
+        summary=[f"{steady} of {len(trims.records)} conditions have a steady flight."],
         values={**pick(trims, "aircraft not_compiled"), "trims": trims.records},
         tables=[Table(columns, records, f"{trims.title}: steady flight")],
         notes=[who_flies(trims.not_compiled)],

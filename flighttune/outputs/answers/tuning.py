@@ -8,7 +8,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
-from flighttune.base.words import listed, pick
+from flighttune.base.words import listed, number, pick
 from flighttune.control.gains import gains_lists
 from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import loop_margins
@@ -65,6 +65,7 @@ def answer(result: TuningResult) -> Answer:
     }
     plain = bool(np.all(np.asarray(result.problem.scaling) == 1.0))
     return Answer(
+        summary=[summary(result)],
         values=values,
         tables=tables(result, values, nearest),
         notes=[
@@ -75,6 +76,18 @@ def answer(result: TuningResult) -> Answer:
         ],
         failure="" if result.solved else result.reason,
     )
+
+
+def summary(result: TuningResult) -> str:
+    """The indicators of the gains and the limits that bind, or the reason for no gains."""
+    if not result.solved:
+        return result.reason
+    rates = f"R_K {number(result.R_K)} 1/s"
+    if result.R_envelope is not None:
+        rates = f"a rate of {number(result.R_envelope)} 1/s over the envelope, at the trim {rates}"
+    bind = f" Limits that bind: {listed(result.active)}." if result.active else ""
+    sizes = f"I_K {number(result.I_K)} s² and E_K {number(result.E_K)} s²"
+    return f"The gains found have {rates}, {sizes}.{bind}"
 
 
 def tables(
