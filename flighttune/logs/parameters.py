@@ -10,7 +10,7 @@ from flighttune.base.errors import InputError, naming
 from flighttune.base.files.table import abridged
 from flighttune.base.words import listed
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
-from flighttune.logs.parameter_file import read_text
+from flighttune.logs.parameter_file import number_text, read_text
 from flighttune.logs.read import read_parameters
 
 # Aeroplanes and VTOLs, by their MAV_TYPE or name in QGroundControl's files and in logs.
@@ -255,7 +255,7 @@ def _used(
     for now, (value, name, by) in found.items():
         unit, low, high = ranges[now]
         published, wide = _range_words(unit, low, high), high - low
-        words = f"{name} {values[name]:.10g}{f' ({value:g} {unit})' if by != 1.0 else ''}"
+        words = f"{name} {number_text(values[name])}{f' ({value:g} {unit})' if by != 1.0 else ''}"
         if by != 1.0 and 0.0 < abs(values[name]) <= RIGHT_ANGLE_DEG:
             far.append(f"{words}, which is in hundredths of a degree: in degrees it is {now}")
         elif not low - wide <= value <= high + wide and math.isfinite(value):

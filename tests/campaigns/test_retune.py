@@ -14,6 +14,7 @@ import pytest
 from commands import flighttune
 from log_files import sampled, write_dataflash
 from made_up import made_up_run
+from places import ROOT
 
 import flighttune as ft
 from flighttune.base.errors import StoppedError
@@ -247,13 +248,18 @@ def test_a_period_whose_way_back_is_steeper_than_the_roll_is_not_flown(search):
         (["level_turn", "--with", "plane.param"], "must be a route"),
         (["circuit_in_wind", "--with", "plane.param", "--budget", "9"], "at least 240 flights"),
         (["circuit_in_wind", "--with", "other.param"], "must state one of NAVL1_PERIOD"),
+        (
+            ["m.plan", "--with", "plane.param", "--aircraft", "a.ulg"],
+            "`flighttune identify a.ulg --out mine.json` makes a model of a log",
+        ),
     ],
 )
 def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, options, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\nROLL_LIMIT_DEG,45\n")
     (tmp_path / "other.param").write_text("TECS_SPDWEIGHT,1\nROLL_LIMIT_DEG,45\n")
-    assert words in flighttune("meet", *options, status=2)[1]
+    (tmp_path / "m.plan").write_text((ROOT / "scenarios" / "approach.plan").read_text())
+    assert words in " ".join(flighttune("meet", *options, status=2)[1].split())
 
 
 @pytest.mark.soak

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from flighttune.base.errors import InputError
+from flighttune.base.files.load import ENDINGS, LOG
 from flighttune.base.files.whole import settle
 
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -84,6 +85,8 @@ def aircraft_folder(name: str) -> Path:
     names = list(aircraft_folders())
     model = next((model for model in models_of_jsbsim() if model.lower() == name.lower()), "")
     made = f"; `flighttune adopt {model}` makes it." if model else nearest_name(name, names)
+    if ENDINGS.get(Path(name).suffix.lower()) == LOG:
+        made = f": `flighttune identify {name} --out mine.json` makes a model of a log."
     here = os.path.isfile(Path(name) / "aircraft.toml")  # a name is not looked for here
     raise InputError(
         f"`aircraft` must be one of {', '.join(names)}, or a folder with one, got {name!r}"

@@ -56,7 +56,13 @@ def answer(retuned: Retuned) -> Answer:
             Table(ACCURACY, accuracy, kept_errors(retuned.plan.draws)[1]),
             Table(TRACKING, retuned.tracking, "the log, and the flights with your parameters"),
         ],
-        notes=[told(retuned), *retuned.notes, EMULATED, NOT_SEARCHED],
+        notes=[
+            told(retuned),
+            *retuned.plan.scenario.assumptions,
+            *retuned.notes,
+            EMULATED,
+            NOT_SEARCHED,
+        ],
         failure="" if retuned.better else said,
     )
 
