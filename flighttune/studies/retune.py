@@ -414,14 +414,22 @@ class Retuned(Answering):
             f"{row['of']} {row[YOURS]:.3g} to {row[TUNED]:.3g} {row['unit']}"
             for row in self.accuracy[:3]
         )
-        aircraft = ", ".join(table.label for table in self.plan.scenario.plant)
         return [
             f"Changed by flighttune: {', '.join(changed)}.",
             "Flown on an emulation of guidance and height above the inner loop of this program, "
             "not on the firmware.",
-            f"Aircraft {aircraft}; {self.plan.campaign.title}; {self.plan.draws} fresh draws: lost "
-            f"{self.start.lost} with the old, {self.best.lost} with the new; {', '.join(errors)}.",
+            f"Aircraft {self.aircraft}; {self.plan.campaign.title}; {self.plan.draws} fresh draws: "
+            f"lost {self.start.lost} with the old, {self.best.lost} with the new; "
+            f"{', '.join(errors)}.",
+            *lags_alone(self.plan),
+            *self.plan.scenario.assumptions,
         ]
+
+    @property
+    def aircraft(self) -> str:
+        """The aircraft that flew."""
+        (table, *_) = self.plan.scenario.plant
+        return f"the lags of {table.identified_model.aircraft}" if table.identified else table.label
 
 
 class Counts(NamedTuple):

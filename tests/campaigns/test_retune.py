@@ -140,7 +140,9 @@ def test_the_answer_says_what_its_flights_tell_and_what_they_do_not(file, plan):
     none = 1.0 - 0.05 ** (1.0 / 93.0)
     assert (1 - 0.0500) ** 93 + 93 * 0.0500 * (1 - 0.0500) ** 92 == pytest.approx(0.05, abs=2e-3)
 
-    words = told(retuned_of(rows, file, plan.with_runs(93)))
+    counted = retuned_of(rows, file, plan.with_runs(93))
+    words = told(counted)
+    assert counted.aircraft == "jsbsim:aerosonde"
 
     assert f"at most 5 % | {100.0 * none:.2g} % of all flights are lost" in words
     assert "sure if one is better in 57 of them" in words

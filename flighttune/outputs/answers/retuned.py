@@ -58,6 +58,7 @@ def answer(retuned: Retuned) -> Answer:
         ],
         notes=[
             told(retuned),
+            f"The aircraft is {retuned.aircraft}; `--aircraft` names another.",
             *retuned.plan.scenario.assumptions,
             *retuned.notes,
             EMULATED,
