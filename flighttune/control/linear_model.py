@@ -85,6 +85,8 @@ class LinearModel:
 
     def check_channels(self, gains: PIGains) -> None:
         """Refuse gains whose channels are not the errors and inputs of this model."""
+        if (got := gains.K_P.shape) != (shape := (len(self.inputs), len(self.errors))):
+            raise ShapeError(f"`gains` must have shape {shape} (inputs, errors), got {got}.")
         if (gains.inputs, gains.errors) != (self.inputs, self.errors):
             raise InputError(
                 f"`gains` must act from {self.errors} on {self.inputs}, "

@@ -172,6 +172,8 @@ def plant_of(
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
     if table.aircraft is None:
+        # A kind that is listed but made nowhere would fly as a point mass under its own name.
+        assert table.family.turn is not None, f"`plant_of` must make plants of kind {table.kind}"
         lags = table.lags()
         options: dict[str, Any] = {
             "wind": wind,

@@ -67,7 +67,8 @@ def mismatch(run: Run) -> Mismatch:
     mean_rates = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     level = np.cos(signals["gamma"].to_numpy())
     level = 0.5 * (level[:-1] + level[1:])
-    samples, turn = signals.iloc[:-1], base.PLANT_KINDS[run.provenance.law.plant].turn
+    samples = signals.iloc[:-1]
+    turn = base.PLANT_KINDS[run.provenance.law.plant].turn or "exact"
     # The point mass flies at the airspeed that its law measured.
     V_a = samples["V_a"].to_numpy() if turn == "exact" else trim.V_a
     phi, n_z = (samples[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))

@@ -89,7 +89,8 @@ def aircraft_folder(name: str) -> Path:
         made = f": `flighttune identify {name} --out mine.json` makes a model of a log."
     here = os.path.isfile(Path(name) / "aircraft.toml")  # a name is not looked for here
     raise InputError(
-        f"`aircraft` must be one of {', '.join(names)}, or a folder with one, got {name!r}"
+        f"`aircraft` must be one of {', '.join(names)}, a folder in ./aircraft, or the path of a "
+        f"folder with an aircraft.toml, got {name!r}"
         + (f"; the folder of this name is ./{name}." if here else made)
     )
 

@@ -134,7 +134,7 @@ def indicators(
         count = half if errors is None else errors
         E_K = float(reachable.largest_errors(A_K, errors=count).max()) if has_errors else math.nan
     elif eigenvalues[0].real >= 0.0:
-        reason = f"The eigenvalue {eigenvalues[0]:.6g} 1/s is not in the open left half plane."
+        reason = f"The eigenvalue {eigenvalues[0]:.4g} 1/s is not in the open left half plane."
     else:
         reason = (
             f"The eigenvalue {eigenvalues[0]:.6g} 1/s is so close to the imaginary axis that the "

@@ -9,7 +9,8 @@ def source(exported: ExportedSource) -> Answer:
     """The written files and their folder."""
     monitor = {"monitor": exported.monitor} if exported.monitor else {}
     files = {"folder": exported.source.parent, "source": exported.source, **monitor}
-    return Answer(notes=exported.notes, files=files)
+    summary = [f"The outer loop is written in C99: {exported.source.name}."]
+    return Answer(summary=summary, notes=exported.notes, files=files)
 
 
 def flight(exported: ExportedFlight) -> Answer:

@@ -40,11 +40,13 @@ def margins_table(margins: Sequence[Margins]) -> Table:
 
 def lags_table(aircraft: IdentifiedAircraft) -> Table:
     """Every lag with its fit, a row for each channel of a condition."""
-    records = []
+    records, assumed = [], aircraft.log.assumed if aircraft.log else ()
     for point in aircraft.conditions:
         place = {"V_a_mps": point.V_a, "gamma_deg": point.gamma * DEG_PER_RAD}
         for name, channel in point.channels.items():
-            records.append({**place, "channel": name, **channel.model_dump(exclude={"simpler"})})
+            record = {**place, "channel": name, **channel.model_dump(exclude={"simpler"})}
+            # no flight was fitted for an assumed lag
+            records.append(record | ({"fit_percent": None} if name in assumed else {}))
     title = f"{aircraft.aircraft}: identified inner loop"
     return Table(title=title, columns=LAG_COLUMNS, records=records)
 

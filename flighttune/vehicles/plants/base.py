@@ -269,7 +269,8 @@ class PlantKind(NamedTuple):
 
     keys: frozenset[str] = frozenset()  # keys of ``[[plant]]`` that only this kind takes
     required: tuple[str, ...] = ()  # keys that it cannot do without
-    turn: TurnLaw = "exact"  # how a point mass of the kind turns, as `turn_rates` has it
+    # How a point mass of the kind turns, as `turn_rates` has it; None where none models it
+    turn: TurnLaw | None = None
     # Its model in a tube, in words; None where its flights cannot be enclosed
     enclosed: str | None = None
     batched: bool = False  # whether the compiled kernel flies it
@@ -284,13 +285,16 @@ _LAGS = tuple(
 PLANT_KINDS: Mapping[str, PlantKind] = MappingProxyType(
     {
         "kinematic": PlantKind(turn="paper", enclosed="the paper's law", batched=True),
-        "point_mass": PlantKind(enclosed="the exact point mass"),
+        "point_mass": PlantKind(turn="exact", enclosed="the exact point mass"),
         "point_mass_lag": PlantKind(
-            keys=frozenset({*_LAGS, "identified"}), enclosed="the exact point mass behind lags"
+            keys=frozenset({*_LAGS, "identified"}),
+            turn="exact",
+            enclosed="the exact point mass behind lags",
         ),
         "jsbsim": PlantKind(
             keys=frozenset({"aircraft", "throttle_max", "throttle_max_from_s", "airframe"}),
             required=("aircraft",),
+            turn="exact",
             enclosed="the exact point mass behind the identified lag",
         ),
         "python": PlantKind(
