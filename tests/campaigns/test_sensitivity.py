@@ -171,3 +171,11 @@ def test_flights_without_a_value_of_measure_or_parameter_are_left_out():
     kept = ~(np.isnan(measure) | np.isnan(other))
     expected = stats.spearmanr(other[kept], measure[kept]).statistic
     assert found["other"]["rho"] == pytest.approx(expected)
+
+
+def test_few_values_are_classes_of_their_own_and_many_are_split_into_equal_ones():
+    few = pd.Series([1.0] * 56 + [3.0] * 2 + [2.0] * 2)
+    many = pd.Series(np.arange(100.0)[::-1])
+
+    assert findings.classes_of(few).tolist() == [0] * 56 + [2] * 2 + [1] * 2
+    assert findings.classes_of(many, 4).tolist() == sorted([0, 1, 2, 3] * 25, reverse=True)

@@ -25,6 +25,12 @@ def test_sample_sizes_are_the_published_ones():
     )
 
 
+def test_as_few_flights_as_there_are_may_be_enough():
+    # One flight is inside with probability 1/2. One of two is, or both are, with 1 - 0.9^2 = 0.19.
+    assert count.flights_needed(0.5, 0.5) == 1
+    assert count.flights_needed(0.9, 0.8, outside=1) == 2
+
+
 @pytest.mark.slow
 def test_a_claim_is_false_no_more_often_than_its_confidence_says():
     """Scores are uniform, so that a scale s is exceeded with probability 1 - s."""
