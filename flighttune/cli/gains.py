@@ -85,7 +85,14 @@ def retune(search: Verb, page: Path | None, out: Path | None) -> Answer:
     """Search an autopilot's parameters, and write them if they are better."""
     if page is not None:
         raise InputError("--page must be absent with --with.")
-    check_ending(out, ".params", ".param", ".parm")
+    of_mission_planner, of_qgroundcontrol = (".param", ".parm"), (".params",)
+    check_ending(out, *of_qgroundcontrol, *of_mission_planner)
+    stated = Path(search.keywords["autopilot"])
+    for endings in (of_mission_planner, of_qgroundcontrol):
+        if stated.suffix.lower() in endings:  # the file that is written has its format
+            check_ending(out, *endings)
+    if out is not None and out.resolve() == stated.resolve():
+        raise InputError(f"{out}: --out must be another file than --with, which is kept.")
     retuned = search()
     if out is not None and retuned.better:
         retuned.save_parameters(out)

@@ -245,6 +245,8 @@ def test_a_period_whose_way_back_is_steeper_than_the_roll_is_not_flown(search):
     ("options", "words"),
     [
         (["circuit_in_wind", "--with", "plane.param", "--out", "x.json"], ".params or .param"),
+        (["circuit_in_wind", "--with", "plane.param", "--out", "x.params"], ".param or .parm"),
+        (["circuit_in_wind", "--with", "plane.param", "--out", "plane.param"], "another file than"),
         (["circuit_in_wind", "--with", "plane.param", "--success", "0.9"], "must be absent with"),
         (["circuit", "--flights", "5"], "`flights` must be absent without the parameters"),
         (["level_turn", "--with", "plane.param"], "must be a route"),
