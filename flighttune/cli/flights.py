@@ -153,7 +153,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
     with on_interrupt(), suppress(KeyboardInterrupt):
         if port is not None:
             tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
-            say(f"open {url} in a browser, from elsewhere after: ssh {tunnel} HOST")
+            say(f"Open {url} in a browser. On another computer first: ssh {tunnel} HOST")
         elif url:
             say(
                 f"There is no screen here. Open {url} in a browser on this machine; Ctrl-C ends it."
@@ -165,7 +165,7 @@ def open_page(opened: Verb, until_closed: bool) -> None:
     """Open a page in the browser on which gains are moved and the flights follow."""
     with opened() as page, on_interrupt(), suppress(KeyboardInterrupt):
         tunnel = f"ssh -L {page.port}:{LOCAL}:{page.port} HOST"
-        say(f"open {page.url} in a browser, from elsewhere after: {tunnel}; Ctrl-C ends it")
+        say(f"Open {page.url} in a browser; Ctrl-C ends it. On another computer first: {tunnel}")
         page.wait(until_closed=until_closed)
 
 

@@ -86,8 +86,9 @@ def chart_of(band: SignalBounds, i: int) -> Chart:
     completed, within = np.isfinite(band.scores), band.scores <= band.scale
     inside, outside = (np.flatnonzero(completed & side) for side in (within, ~within))
     chosen = inside[:: max(1, len(inside) // MIN_DRAWN)]
+    some = f", {len(chosen)} drawn" if len(chosen) < len(inside) else ""
     for drawn, colour, words, width in (
-        (flights[chosen], LIGHT, f"{len(chosen)} of {len(inside)} inside", 0.5),
+        (flights[chosen], LIGHT, f"{len(inside)} inside{some}", 0.5),
         (flights[outside], LIMIT, f"{len(outside)} outside", 0.9),
     ):
         if len(drawn):  # all flights as one line with gaps

@@ -8,7 +8,7 @@ from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
-from flighttune.base.words import listed, pick
+from flighttune.base.words import listed, pick, sentence
 from flighttune.claims.band import Band
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
@@ -74,24 +74,24 @@ def write_log_page(
     stated = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
     part = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
     facts = {"log": f"{log['file']} ({log['kind']})", "part": part}
-    facts |= {key: "; ".join(lines) for key, lines in stated.items() if lines}
+    facts |= {key: " ".join(map(sentence, lines)) for key, lines in stated.items() if lines}
     summary, alarms, scores, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
     unclaimed = list[str]()
     for monitor in monitors:
         score, alarm = score_so_far(monitor.watches, run), None
-        sentence = f"No alarm from {monitor.watches[0].from_s:g} s on."
+        said = f"No alarm from {monitor.watches[0].from_s:g} s on."
         if no_claim := monitor.not_about(run):
-            sentence = f"{run.label}: no claim about this flight: {no_claim}."
-            unclaimed.append(sentence)
+            said = f"{run.label}: no claim about this flight: {no_claim}."
+            unclaimed.append(said)
         elif (alarm := monitor.alarm(run)) is not None:
-            sentence = alarm.sentence
-            failure = failure or sentence
+            said = alarm.sentence
+            failure = failure or said
         alarms.append(alarm and alarm._asdict())
-        chart = Chart(title=f"Largest score so far: {sentence}", y="score [1]")
+        chart = Chart(title=f"Largest score so far: {said}", y="score [1]")
         chart.line(run.t[-len(score) :], score, STRONG)
         chart.level(1.0, LIMIT)
         scores.append(chart)
-        summary += [*([] if no_claim else [sentence]), f"The monitor: {monitor.sentence}."]
+        summary += [*([] if no_claim else [said]), f"The monitor: {monitor.sentence}."]
     summary = [*unclaimed, *summary, *_tracked(run, corridors)]
     watched = Section(id="monitor", title="Monitor", charts=scores, legend=False)
     sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
@@ -363,7 +363,7 @@ def _of_flights(
 
 def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
     shown, more = gaps[:MAX_GAPS], len(gaps) - MAX_GAPS
-    note = [TEXTS["gap"], *(sentence for gap in shown for sentence in causes(gap))]
+    note = [TEXTS["gap"], *(cause for gap in shown for cause in causes(gap))]
     note += [f"The tables have {more} more."] if more > 0 else []
     kinds = (charts.itae_chart, charts.steps_chart, charts.bound_chart)
     return Section(

@@ -35,7 +35,7 @@ def opened(tmp_path, monkeypatch):
 def test_it_prints_an_address_and_the_way_to_it_from_elsewhere(opened, tmp_path):
     _, line = opened
     url, port = re.search(
-        r"open (http://127\.0\.0\.1:(\d+)/[\w-]{32}/) in a browser", line
+        r"Open (http://127\.0\.0\.1:(\d+)/[\w-]{32}/) in a browser", line
     ).groups()
     assert f"ssh -L {port}:127.0.0.1:{port} HOST" in line
     with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
@@ -58,7 +58,7 @@ def test_a_signal_ends_the_page(opened, number):
 @pytest.mark.soak
 def test_a_signal_ends_the_processes_of_a_search_too(opened):
     running, line = opened
-    url, port = re.search(r"open (http://127\.0\.0\.1:(\d+)/[\w-]+/)", line).groups()
+    url, port = re.search(r"Open (http://127\.0\.0\.1:(\d+)/[\w-]+/)", line).groups()
     asked = {"doing": "meet", "window": "w", "values": {}}
     headers = {"Origin": f"http://127.0.0.1:{port}", "Content-Type": "application/json"}
     begin = urllib.request.Request(f"{url}begin", json.dumps(asked).encode(), headers)
