@@ -34,5 +34,5 @@ def test_channels_without_names_are_those_of_flight_or_numbered():
 
     ft.loop.closed_loop(two, ft.PAPER_GAINS)
     assert (three.states, three.inputs) == (("x1", "x2", "x3"), ("u1", "u2", "u3"))
-    with pytest.raises(ft.InputError, match=r"must act from \('e1', 'e2', 'e3'\)"):
+    with pytest.raises(ft.InputError, match=r"shape \(3, 3\) \(inputs, errors\), got \(2, 2\)"):
         ft.loop.closed_loop(three, ft.PAPER_GAINS)
