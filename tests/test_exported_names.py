@@ -61,9 +61,23 @@ def test_a_name_that_is_not_there_says_where_it_went(name, now):
     assert not place or attrgetter(place)(flighttune)
 
 
-def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
-    heavy = ["numpy", "pandas", "scipy", "jsbsim", "clarabel", "cvxpy", "rerun", "pydantic"]
-    code = f"import sys, flighttune.cli; print([m for m in {heavy} if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        (
+            "flighttune.cli",
+            ["numpy", "pandas", "scipy", "jsbsim", "clarabel", "cvxpy", "rerun", "pydantic"],
+        ),
+        # Each worker starts with it.
+        pytest.param(
+            "flighttune.campaigns.engine.server",
+            ["scipy.optimize", "scipy.spatial", "scipy.special", "numba", "rerun"],
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_an_import_loads_nothing_heavy(module, heavy):
+    code = f"import sys, {module}; print([m for m in {heavy} if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
+import scipy
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
@@ -275,7 +275,7 @@ def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
     position = run.signals[["north", "east", "down"]].to_numpy()
     i = int(np.searchsorted(run.t, turn_back.found_s))
     moved = position - position[i]
-    places = cKDTree(np.column_stack([north, east]))
+    places = scipy.spatial.cKDTree(np.column_stack([north, east]))
     # The place of detection is mapped to the route. The distance to the nearest place is never less
     # than the distance to the route.
     from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])

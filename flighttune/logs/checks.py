@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, RecordingError
@@ -198,13 +198,13 @@ def _over_lags(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Possible delays of a column, s, with its correlation and ratio at each."""
     most = min(round(FARTHEST_S / dt), len(column) // 3)
-    length = fft.next_fast_len(len(column) + most, real=True)
+    length = scipy.fft.next_fast_len(len(column) + most, real=True)
     places = np.arange(-most, most + 1)
 
     def along(a: FloatArray, b: FloatArray) -> FloatArray:
         """Sum of a(t + lag) b(t) at each lag."""
-        spectrum = fft.rfft(a, length, axis=0) * np.conj(fft.rfft(b, length, axis=0))
-        return np.sum(fft.irfft(spectrum, length, axis=0), axis=1)[places]
+        spectrum = scipy.fft.rfft(a, length, axis=0) * np.conj(scipy.fft.rfft(b, length, axis=0))
+        return np.sum(scipy.fft.irfft(spectrum, length, axis=0), axis=1)[places]
 
     (a, on_a), (b, on_b) = (_filled(side, centred=centred) for side in (column, other))
     count = np.maximum(along(on_a, on_b), 1.0)

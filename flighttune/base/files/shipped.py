@@ -7,7 +7,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from flighttune.base.errors import InputError
-from flighttune.base.files.load import ENDINGS, LOG
 from flighttune.base.files.whole import settle
 
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -82,6 +81,8 @@ def aircraft_folder(name: str) -> Path:
             settle(place / name)
             if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied
                 return (place / name).resolve()
+    from flighttune.base.files.load import ENDINGS, LOG  # pydantic, which `--help` does without
+
     names = list(aircraft_folders())
     model = next((model for model in models_of_jsbsim() if model.lower() == name.lower()), "")
     made = f"; `flighttune adopt {model}` makes it." if model else nearest_name(name, names)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import ndtr, ndtri
+import scipy
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, ScenarioError
@@ -164,7 +164,7 @@ def correlated(
     # 814-861.
     lower, named = copula_factor(correlations)
     columns = [keys.index(key) for key in named]
-    scores = [ndtri(u[:, column]) for column in columns]
+    scores = [scipy.special.ndtri(u[:, column]) for column in columns]
     result = u.copy()
     for i, column in enumerate(columns):
         if not np.any(lower[i, :i]):
@@ -172,7 +172,7 @@ def correlated(
         mixed = np.zeros(len(u))
         for j in range(i + 1):  # not a matrix product: a chunk must have the same bits as all draws
             mixed += lower[i, j] * scores[j]
-        result[:, column] = np.clip(ndtr(mixed), SMALLEST_POINT, LARGEST_POINT)
+        result[:, column] = np.clip(scipy.special.ndtr(mixed), SMALLEST_POINT, LARGEST_POINT)
     return result
 
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
+import scipy  # its parts load on first use; a worker needs none of them
 from pydantic import Field, field_validator, model_validator
-from scipy.special import log1p, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import abridged, refused_in_a_line
@@ -85,14 +85,14 @@ def truncated_quantiles(u: FloatArray, a: float, b: float) -> FloatArray:
     """Quantiles of the standard normal distribution between `a` and `b`."""
     # SciPy's `truncnorm` to the bit, whose import takes as long as a hundred flights.
     if b <= 0.0 or a > 0.0:  # a tail; of the right one as much as of its mirror image
-        more, less = log_ndtr([b, a] if b <= 0.0 else [-a, -b])
-        mass = np.real(logsumexp([more, less + np.pi * 1j]))
+        more, less = scipy.special.log_ndtr([b, a] if b <= 0.0 else [-a, -b])
+        mass = np.real(scipy.special.logsumexp([more, less + np.pi * 1j]))
     else:
-        mass = log1p(-ndtr(a) - ndtr(-b))
+        mass = scipy.special.log1p(-scipy.special.ndtr(a) - scipy.special.ndtr(-b))
     left = a < 0.0
     inside = (np.log(u) if left else np.log1p(-u)) + mass
-    outside = np.full_like(u, log_ndtr(a if left else -b))
-    x = ndtri_exp(logsumexp([outside, inside], axis=0))
+    outside = np.full_like(u, scipy.special.log_ndtr(a if left else -b))
+    x = scipy.special.ndtri_exp(scipy.special.logsumexp([outside, inside], axis=0))
     return x if left else -x
 
 
@@ -124,7 +124,7 @@ class Normal(DisperseTable):
 
     def at(self, u: FloatArray) -> FloatArray:
         if self.lower is None and self.upper is None:
-            return self.mean + self.sd * ndtri(u)
+            return self.mean + self.sd * scipy.special.ndtri(u)
         low, high = self._bounds
         a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
         # clipped: in the tail rounding may put a value outside its bound
@@ -140,7 +140,7 @@ class LogNormal(DisperseTable):
 
     def at(self, u: FloatArray) -> FloatArray:
         with np.errstate(over="ignore"):  # the key itself refuses a drawn infinity
-            return self.median * np.exp(self.sd_log * ndtri(u))
+            return self.median * np.exp(self.sd_log * scipy.special.ndtri(u))
 
 
 class Uniform(DisperseTable):

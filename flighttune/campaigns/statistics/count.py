@@ -10,8 +10,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import bdtr, bdtri, betainc, betaln, xlog1py, xlogy
+import scipy
 
 from flighttune.base.arrays import FloatArray, Floats, check_between
 from flighttune.base.errors import InputError
@@ -37,10 +36,13 @@ def chance(outside: Floats, flights: int, epsilon: Floats, early: int = 0) -> Fl
     any rule of ending.
     """
     if not early:
-        return bdtr(outside, flights, epsilon)
+        return scipy.special.bdtr(outside, flights, epsilon)
     later = flights - early
-    others = 1.0 - bdtr(np.minimum(outside, later), later, epsilon)
-    return bdtr(outside, flights, epsilon) + bdtr(0, early, epsilon) * others
+    others = 1.0 - scipy.special.bdtr(np.minimum(outside, later), later, epsilon)
+    return (
+        scipy.special.bdtr(outside, flights, epsilon)
+        + scipy.special.bdtr(0, early, epsilon) * others
+    )
 
 
 def allowed_outside(flights: int, epsilon: float, confidence: float, early: int = 0) -> int:
@@ -62,8 +64,10 @@ def supported_epsilon(outside: int, flights: int, confidence: float, early: int 
     if outside == flights:
         return 1.0
     if not early:
-        return float(bdtri(outside, flights, 1.0 - confidence))
-    return brentq(lambda x: chance(outside, flights, x, early) - 1.0 + confidence, 0.0, 1.0)
+        return float(scipy.special.bdtri(outside, flights, 1.0 - confidence))
+    return scipy.optimize.brentq(
+        lambda x: chance(outside, flights, x, early) - 1.0 + confidence, 0.0, 1.0
+    )
 
 
 def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: int = 0) -> int:
@@ -120,11 +124,11 @@ def log_evidence(
     """
     k, n = np.asarray(outside, dtype=float), np.asarray(flights, dtype=float)
     epsilon, top = np.asarray(epsilon), np.minimum(1.0, WIDEST * np.asarray(epsilon))
-    log_epsilon = xlogy(k, epsilon) + xlog1py(n - k, -epsilon)
-    shares = [betainc(k + 1.0, n - k + 1.0, q) for q in (epsilon, top)]
+    log_epsilon = scipy.special.xlogy(k, epsilon) + scipy.special.xlog1py(n - k, -epsilon)
+    shares = [scipy.special.betainc(k + 1.0, n - k + 1.0, q) for q in (epsilon, top)]
     with np.errstate(divide="ignore"):
         below, above = np.log([shares[0] / epsilon, (shares[1] - shares[0]) / (top - epsilon)])
-    uniform = betaln(k + 1.0, n - k + 1.0) - log_epsilon
+    uniform = scipy.special.betaln(k + 1.0, n - k + 1.0) - log_epsilon
     never = np.where(k == 0.0, -log_epsilon, -np.inf)
     return np.logaddexp(never, below + uniform) - math.log(2.0), above + uniform
 

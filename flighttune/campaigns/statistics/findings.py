@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import ndtri
+import scipy
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.endings import endings, reasons
@@ -491,7 +491,7 @@ def _partial(table: pd.DataFrame, ranks: FloatArray) -> FloatArray:
 
 def _interval(rho: FloatArray, n: int, confidence: float) -> tuple[FloatArray, FloatArray]:
     """Intervals of rank correlations, by the normal distribution of their area tangents."""
-    half = ndtri(0.5 + 0.5 * confidence) * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
+    half = scipy.special.ndtri(0.5 + 0.5 * confidence) * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
     with np.errstate(divide="ignore"):
         middle = np.arctanh(rho)  # infinite if |rho| = 1, which then is both ends
     return np.tanh(middle - half), np.tanh(middle + half)

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import bdtr, betaincinv, ndtri
+import scipy
 
 from flighttune.base.arrays import FloatArray, check_between
 from flighttune.campaigns.statistics.count import log_evidence
@@ -50,7 +50,7 @@ def rate_interval(
     check_between(0.0, 1.0, confidence=confidence)
     tail = 0.5 - 0.5 * confidence
     if method == "wilson":
-        z2 = float(ndtri(0.5 + 0.5 * confidence)) ** 2
+        z2 = float(scipy.special.ndtri(0.5 + 0.5 * confidence)) ** 2
         m = np.maximum(trials, 1.0)
         middle = (k + 0.5 * z2) / (m + z2)
         half = np.sqrt(z2) / (m + z2) * np.sqrt(k * (m - k) / m + 0.25 * z2)
@@ -58,8 +58,8 @@ def rate_interval(
     elif method == "any-time":
         lo, hi = _not_refused(k, trials, tail)
     else:
-        lo = betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail)
-        hi = betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail)
+        lo = scipy.special.betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail)
+        hi = scipy.special.betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail)
     return np.where(k == 0.0, 0.0, lo), np.where(k == trials, 1.0, hi)
 
 
@@ -99,7 +99,7 @@ def quantile_interval(
     if not n:
         return -np.inf, np.inf
     m = n if effective is None else max(1, min(n, math.floor(effective)))
-    at_most = bdtr(np.arange(m), m, q)
+    at_most = scipy.special.bdtr(np.arange(m), m, q)
     below = math.floor(np.sum(at_most <= tail) * n / m)
     above = math.ceil((np.sum(at_most < 1.0 - tail) + 1) * n / m)
     lo = float(ordered[below - 1]) if below else -np.inf
@@ -189,7 +189,7 @@ def paired(
             median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
             only_a, only_b = int(np.sum(ok_a & ~ok_b)), int(np.sum(ok_b & ~ok_a))
             # exact two-sided McNemar test
-            p = 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))
+            p = 2.0 * float(scipy.special.bdtr(min(only_a, only_b), only_a + only_b, 0.5))
             won = wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5
             # an order statistic: infinite values need no mean
             median = float(np.quantile(apart, 0.5, method="inverted_cdf"))
