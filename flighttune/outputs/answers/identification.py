@@ -55,8 +55,8 @@ def answer(identification: AircraftIdentification) -> Answer:
     values = {"aircraft": identification.identified.aircraft, "channels": conditions[0]["channels"]}
     return Answer(
         summary=[
-            f"The lags identified explain at least {min(fits):.1f} % of the variance of each channel "
-            f"(conditions: {len(conditions)})."
+            f"The lags identified explain at least {min(fits):.1f} % of the variance of each "
+            f"channel (conditions: {len(conditions)})."
         ],
         values={**values, "conditions": conditions, "skipped": identification.skipped},
         tables=[lags_table(identification.identified), airframe],
