@@ -111,7 +111,7 @@ def test_a_claim_names_what_its_autopilots_knew_and_its_corridor_is_as_wide(tmp_
     assert sides[0] > 2.0 * sides[1]
     # At most the error of its place moves an aircraft: the triangle inequality.
     assert sides[0] < errors.beside + 3.0
-    flying = f"flying is {errors.seen_beside:.2g} m and {errors.seen_above:.2g} m"
+    flying = f"errors of at most {errors.seen_beside:.2g} m and {errors.seen_above:.2g} m"
     assert flying in str(by_receiver.answer().summary)
     said = "the distance that the autopilot sees plus"
     told = [said in str(band.answer().notes) for band in both]

@@ -398,7 +398,7 @@ def test_a_corridor_names_the_errors_of_navigation_in_it():
     beside, above, *seen = reach[counted - corridor.outside - 1].tolist()
     parts = re.findall(r"reach ([\d.]+) m", said)
     assert parts == [f"{beside:.2g}", f"{min(above, 20.0):.2g}"]
-    assert f"flying is {seen[0]:.2g} m and {seen[1]:.2g} m" in said
+    assert f"errors of at most {seen[0]:.2g} m and {seen[1]:.2g} m" in said
     assert "reach" not in summary(corridor)[2]  # a file of 0.4.0 has none
 
 

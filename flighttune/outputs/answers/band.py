@@ -137,7 +137,7 @@ def width(band: Band) -> str:
         of_height = f", where they reach {height}"
         seen = f"{errors.seen_beside:.2g} m and {errors.seen_above:.2g} m"
         time = f"{100.0 * MOST_OF_THE_TIME:g} % of the time once it has joined the path"
-        flying = f" Of it, flying is {seen}, within which the autopilot sees itself for {time}."
+        flying = f" The autopilot sees errors of at most {seen} for {time}."
     by_rtk = ""
     if len(band.by_rtk):
         aside, off = band.by_rtk.max(axis=0).tolist()
