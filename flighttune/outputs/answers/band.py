@@ -107,7 +107,11 @@ def in_fence(band: Band, fenced: Fenced, sure: str) -> tuple[str, str]:
             f"Yes: the mission can be flown{slower} and stays inside its fence.",
             f"A new flight leaves the fence with a probability of at most "
             f"{at_most(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
-            f"The flights and their corridor keep {margin:.1f} m to it at least, {at}.",
+            + (
+                f"The flights and their corridor come nearest to it {at}: {margin:.1f} m."
+                if margin >= 0.0
+                else f"The flight furthest out is {-margin:.1f} m outside, {at}."
+            ),
         )
     whether = (
         f"No: {fenced.outside} of {flights} flights are not certainly inside the fence; at most "
