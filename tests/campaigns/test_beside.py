@@ -36,7 +36,8 @@ FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("now") / "plane.parm"
-    path.write_text("NAVL1_PERIOD 14\nNAVL1_DAMPING 0.8\nTECS_THR_DAMP 0.5\nROLL_LIMIT_DEG 45\nRC1_MIN 1000\n")
+    of_guidance = "NAVL1_PERIOD 14\nNAVL1_DAMPING 0.8\nTECS_THR_DAMP 0.5\nROLL_LIMIT_DEG 45\n"
+    path.write_text(of_guidance + "RC1_MIN 1000\n")
     return path
 
 
