@@ -133,6 +133,7 @@ def test_the_table_of_the_page_is_a_plant_of_a_scenario():
     assert plant.label == "jsbsim:aerosonde:heavy_aft"
 
 
+@pytest.mark.slow
 def test_the_example_comes_to_what_it_expects():
     # The bias remains as error: the loop cannot see it.
     most, least = {"chi": {"MS_deg": 1.2}, "gamma": {"MS_deg": 0.2}}, {"chi": {"MS_deg": 0.8}}
@@ -158,6 +159,7 @@ def test_every_plant_and_every_aircraft_has_the_same_errors_and_its_own_flight(e
     assert throttle * 0.9 > 1.15 * usual_throttle  # 20 % more drag, 15 % more weight, thrust 0.9
 
 
+@pytest.mark.slow
 def test_the_gap_is_explained_through_the_same_sensors_on_every_rung():
     gap = ft.gap(short(PLANTS), ft.PAPER_GAINS)
 

@@ -28,6 +28,7 @@ def test_every_table_of_plain_values_comes_back_from_its_text(tables):
     assert tomllib.loads(toml_text(tables)) == tables
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIO_NAMES)
 def test_every_shipped_scenario_comes_back_with_its_hash(name):
     scenario = ft.load_scenario(name)

@@ -116,6 +116,7 @@ def test_others_of_a_draw_meet_the_wind_of_jsbsim_after_a_wrong_flight(monkeypat
     assert {**replayed, "wall_s": 0.0} == {**right[1], "wall_s": 0.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "differ"), [(lambda x: -x, 0), (lambda x: x + 5e-324, 1)], ids=["sign", "value"]
 )

@@ -59,6 +59,7 @@ def test_a_model_of_a_log_flies_within_the_limits_that_the_log_showed(mission, m
     assert (scenario.limits.phi_rate_dps, scenario.limits.n_z_rate_per_s) == (25.0, 0.9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "said"),
     [

@@ -278,6 +278,7 @@ def test_a_fence_is_answered_as_soon_as_it_is_sure(
             ft.mission(band, until_sure=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("more", "got"), [({}, "no fence"), ({"turn_back": 30}, "`turn_back`")])
 def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_path, more, got):
     source = mission(tmp_path / "m.plan") if more else "circuit_in_wind"

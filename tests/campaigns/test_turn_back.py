@@ -81,6 +81,7 @@ def flown(turning, **values):
     return run, scenario.turn_back
 
 
+@pytest.mark.slow
 def test_the_wind_of_a_turn_follows_from_its_bank_and_rates(turning):
     turn_back = turning.scenario.turn_back
     steeper = turn_back.model_copy(update={"bank_deg": 45.0})

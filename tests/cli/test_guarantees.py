@@ -35,6 +35,7 @@ def test_verify_takes_the_workers_of_the_command_line(tmp_path):
     assert answer("--workers", 1, "verify", file)["valid"]
 
 
+@pytest.mark.slow
 def test_flights_of_any_count_fly_again_on_the_workers_of_the_command_line(tmp_path):
     file = tmp_path / "residual.npz"
     tables = ft.load_scenario("feasible").as_dict() | {"expect": []}

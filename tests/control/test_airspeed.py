@@ -153,6 +153,7 @@ def test_the_point_mass_flies_the_equations_of_motion():
     assert [now(plant)[name] for name in names] == pytest.approx(exact, abs=INTEGRATION)
 
 
+@pytest.mark.slow
 def test_a_lag_of_thrust_is_its_step_response():
     lag = ft.loop.InnerLag(order=2, natural_frequency=3.0, damping=0.4, delay=0.1)
     plant = point(lags=(lag, lag, lag))

@@ -162,6 +162,7 @@ def test_a_table_has_commas_semicolons_or_tabs_between_its_cells(table, form):
     assert ft.load_log(path).signals.equals(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("day", ["%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%Y-%m-%d"])
 @pytest.mark.parametrize("start", ["2026-06-11 23:59:50", "2026-06-12 23:59:50", "2026-06-25"])
 def test_dates_are_read_past_midnight_whatever_comes_first(tmp_path, day, start):

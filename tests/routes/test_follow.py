@@ -134,6 +134,7 @@ def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch, name, changes)
 LAW = [{"kind": "kinematic"}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "plant", [*LAW, {"kind": "point_mass"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
 )
@@ -210,6 +211,7 @@ def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles)
         assert abs(course) > 90.0 - 30.0  # drift in a wind of 12 m/s at 25 m/s
 
 
+@pytest.mark.slow
 def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
     """Started the other way, a flight turns back within its turning circles."""
     (run,) = ft.fly(scenario(LAW, flight={"chi_deg": 170.0})).runs

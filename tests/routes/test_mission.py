@@ -593,6 +593,7 @@ def test_a_kmz_without_one_kml_of_an_ordinary_size_is_refused(tmp_path, texts, s
     assert str(refusal.value) == f"{file}: {says}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("packing", [ZIP_BZIP2, ZIP_LZMA])
 def test_a_kmz_of_a_packing_that_cannot_be_bounded_is_refused_unread(tmp_path, packing):
     """Of 724 bytes bzip2 makes 670 MB, which would be in memory before they are counted."""

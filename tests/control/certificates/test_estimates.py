@@ -73,6 +73,7 @@ def test_the_file_verifies_and_a_smaller_gain_is_refused_by_its_name(certified):
     assert "peak gain from the estimation error of gamma to" in verification.reason
 
 
+@pytest.mark.slow
 def test_gains_of_a_certificate_are_of_the_number_of_its_errors(certified):
     with pytest.raises(ft.InputError, match="`peak_gains` must have shape"):
         replace(certified, peak_gains=np.ones((1, 2)))

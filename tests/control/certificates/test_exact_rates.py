@@ -61,6 +61,7 @@ def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
     assert continuous["decay"] > 2.0 * certificate.claim.rate
 
 
+@pytest.mark.slow
 def test_a_certificate_keeps_its_exact_rates_in_its_file(mission, tmp_path):
     mission.save(tmp_path / "proof.json")
 

@@ -84,6 +84,7 @@ def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
     assert reached < ellipsoid.radius
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channel", range(4))
 def test_the_worst_disturbance_of_a_channel_reaches_its_largest_value(reachable, channel):
     c, duration = np.eye(4)[channel], 40.0
@@ -101,6 +102,7 @@ def test_the_papers_ball_has_three_readings():
     assert balls == pytest.approx([0.241, 0.104, 0.015], abs=5e-4)
 
 
+@pytest.mark.slow
 def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
     damping = 0.1
     oscillator = np.array([[-damping, -1.0], [1.0, 0.0]])

@@ -23,6 +23,7 @@ def bounded():
     return ft.loop.TuningProblem(model=lagged(4.0, 4.0), E_star=0.8, K_fixed=DECOUPLED)
 
 
+@pytest.mark.slow
 def test_the_bound_on_the_error_is_met(bounded):
     free = ft.tune(replace(bounded, E_star=math.inf), starts=2)
 

@@ -78,6 +78,7 @@ def test_the_largest_error_of_two_channels_is_that_of_the_worse(q):
     assert found == pytest.approx(4.0, rel=FOUR_DIGITS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["rms", *slow("decay")])
 def test_the_largest_sensitivity_at_the_commands_is_at_most_the_bound_and_named(objective):
     result = tuned(objective)
@@ -100,6 +101,7 @@ def test_the_feedback_makes_errors_smaller_and_the_decay_faster():
     assert tuned("decay").spectral_abscissa < 1.3 * tuned("decay", feedback=False).spectral_abscissa
 
 
+@pytest.mark.slow
 def test_gains_in_turbulence_decay_at_half_the_rate_of_the_largest_R_K():
     in_turbulence, careful = tuned("rms"), ft.tune(scenario(), starts=3)
     rate, whole = (
@@ -153,6 +155,7 @@ def test_random_gains_around_the_answer_are_no_better(objective):
                 assert value > result.errors_in_gusts[i] * (1.0 - BETTER)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("objective", "feedback"), [("rms", True), *slow(("E_K", False))])
 def test_no_bound_leaves_less_phase_than_meet_requires(objective, feedback):
     result = tuned(objective, 2.5, feedback=feedback)
@@ -183,6 +186,7 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
         ft.fly(ft.load_scenario("mission", changes={"law": "paper"}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "most"), [pytest.param(0.5, 1.4, marks=pytest.mark.soak), (0.85, 1.45), (2.0, 1.5)]
 )

@@ -107,6 +107,7 @@ def test_structure_and_bounds_are_kept_and_named(model):
     assert "K_I[phi,chi]_max" in found.active
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("I_star", "status"), [(5.0, "optimal"), (4.9, "infeasible")])
 def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
     found = ft.tune(ft.loop.TuningProblem(model=model, I_star=I_star, K_fixed=ft.PAPER_GAINS.K))

@@ -68,6 +68,7 @@ def test_in_a_decoupled_structure_each_command_has_the_gains_of_its_own_channel(
     assert np.array_equal(problem.K_fixed, DECOUPLED, equal_nan=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(seed):
     problem = ft.loop.TuningProblem(

@@ -33,6 +33,7 @@ def rate(one, K):
     return ft.loop.indicators(loop, scaling=one.scaling).R_K
 
 
+@pytest.mark.slow
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     one = problem()
 
@@ -41,6 +42,7 @@ def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     assert found.R_K == pytest.approx(plain.R_K, rel=2.0 * SAME)
 
 
+@pytest.mark.slow
 def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
     several = [problem(w) for w in (5.0, 8.0, 12.0)]
     found = tune_worst_case(several)
@@ -103,6 +105,7 @@ def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
     assert found.R_K < single.R_K * (1.0 + SAME)
 
 
+@pytest.mark.slow
 def test_models_of_different_order_go_together():
     other = problem(gamma=0.0, lags=[ft.loop.InnerLag(order=1, natural_frequency=5.0)] * 2)
 

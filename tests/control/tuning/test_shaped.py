@@ -116,6 +116,7 @@ def test_costs_and_peaks_are_those_of_the_worse_channel(scales):
     assert decay.costs(unit) == pytest.approx([max(decays)], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["E_K", *slow("decay")])
 def test_an_identified_model_takes_the_objectives_that_are_its_own(objective):
     """A plant with its lags is enough: `model` need not be stated."""

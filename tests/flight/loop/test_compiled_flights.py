@@ -130,6 +130,7 @@ def assert_compiled(monkeypatch, made):
     assert all(np.isfinite(run.signals.to_numpy()).all() for run in compiled)
 
 
+@pytest.mark.slow
 def test_a_flight_four_metres_above_the_ground_is_that_of_jsbsim(monkeypatch):
     low = {"flight": {"h_m": 404.0, "ground_m": 400.0}}
 
@@ -170,6 +171,7 @@ def test_so_is_that_of_adopted_ones(monkeypatch, aircraft, case):
     assert_compiled(monkeypatch, tables(**turning(ADOPTED / aircraft, case), **LAWS["exact"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "starts"),
     [

@@ -126,6 +126,7 @@ def test_a_flight_lasts_at_least_one_sample(duration):
         simulated(duration=duration)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["jsbsim:aerosonde", "kinematic"])
 def test_a_law_sees_pitch_and_elevator_of_an_airframe(plant):
     seen = []

@@ -22,6 +22,7 @@ def commands(seed=2):
     return heights[(T / 0.7).astype(int)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lag",
     [

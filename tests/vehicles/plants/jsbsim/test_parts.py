@@ -35,6 +35,7 @@ def naming(changed_aircraft, tmp_path):
     return naming
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["../settings", "{outside}/settings", "link", "up/settings", "up/../settings"]
 )
