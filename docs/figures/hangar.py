@@ -180,9 +180,9 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     kinds = page[page.index("## With every command") : page.index("## Remarks")]
     return f"""# The hangar: every model of JSBSim's own set
 
-JSBSim comes with {len(answers)} models, which `flighttune adopt MODEL` turns into aircraft for
-every command: {", ".join(f"{len(of[status])} {status}" for status in STATUSES)}.
-[Use an aircraft of your own](aircraft.md) says what the statuses mean. The page is made by
+JSBSim comes with {len(answers)} models. By the status that
+`flighttune adopt MODEL` gives them, they are: {", ".join(f"{len(of[status])} {status}" for status in STATUSES)}.
+[Use an aircraft of your own](aircraft.md) explains the statuses. The page is made by
 `python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
         version("jsbsim")
     }:
@@ -200,7 +200,7 @@ most.
 
 The identified models fit roll by {fits[0]:.1f} % or better and load factor by {fits[1]:.1f} % or
 better. Exported turns differ from flown ones by at most {most:.0e}.
-Gains tuned on the identified model have a smaller ITAE than the paper's K* scaled with airspeed on
+Gains tuned on it have a smaller ITAE than the paper's K*, scaled with airspeed, on
 {chi} of {len(adopted)} aircraft for course and {gamma} for path angle.
 
 {kinds}## Remarks

@@ -1020,11 +1020,12 @@ def test_the_page_of_the_docs_names_every_model_of_the_wheel():
     adopted = [line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ")][
         2:
     ]
-    flies = re.findall("^- `(.+)`: (?:the turn ended early|a lag explains)", remarks, re.MULTILINE)
+    missed = "the turn ended early|a lag explains|the course error swings"
+    flies = re.findall(f"^- `(.+)`: (?:{missed})", remarks, re.MULTILINE)
     refused = re.findall("`([^`]+)`(?=.*: )", refusals)
 
     assert sorted([*adopted, *flies, *refused]) == sorted(models_of_jsbsim())
-    assert len(adopted) >= 45
+    assert len(adopted) >= 44
     assert commands.count("| yes | yes | yes | yes | yes |") == 8  # but for gliders
     known = "737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747", "p51d", "sgs126", "f16"
     assert set(known) <= set(adopted)
