@@ -181,7 +181,9 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     return f"""# The hangar: every model of JSBSim's own set
 
 JSBSim comes with {len(answers)} models. By the status that
-`flighttune adopt MODEL` gives them, they are: {", ".join(f"{len(of[status])} {status}" for status in STATUSES)}.
+`flighttune adopt MODEL` gives them, they are: {
+        ", ".join(f"{len(of[status])} {status}" for status in STATUSES)
+    }.
 [Use an aircraft of your own](aircraft.md) explains the statuses. The page is made by
 `python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
         version("jsbsim")
