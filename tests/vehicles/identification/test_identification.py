@@ -12,7 +12,7 @@ from places import SHIPPED_AIRCRAFT
 from scipy import signal
 
 import flighttune as ft
-from flighttune.vehicles.identification import fit
+from flighttune.vehicles.identification import file, fit
 
 LIMITS = ft.loop.Limits(
     lower=np.array([-0.8, -2.0]),
@@ -253,3 +253,17 @@ def test_the_nearest_condition_is_on_the_side_of_the_path_angle_that_is_asked():
         assert [both.nearest(25.0, x).gamma for x in (-0.3, -0.02, 0.02, 0.3)] == [
             *(-0.1, -0.1, 0.1, 0.1)
         ]
+
+
+def test_the_table_of_a_lag_has_the_numbers_of_its_order():
+    lags = {
+        1: ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.047),
+        2: ft.loop.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.033),
+        3: ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.7, lag=0.05, delay=0.011),
+    }
+
+    tables = {order: file.lag_table(lag) for order, lag in lags.items()}
+
+    assert [tables[order]["damping"] for order in lags] == [None, 0.6, 0.7]
+    assert [tables[order]["lag_s"] for order in lags] == [None, None, 0.05]
+    assert [tables[order]["delay_s"] for order in lags] == [0.047, 0.033, 0.011]
