@@ -304,6 +304,34 @@ def flying(stop_after, flown):
     return SimpleNamespace(observer=ft.CampaignObserver(), rows=rows)
 
 
+class MadeUpSearch(Search):
+    """Candidates cost what their period is away from 14 s, and do not fly."""
+
+    def __init__(self, law):
+        self.draws, self.flights, self.start = 10, 10, SimpleNamespace(law=law)
+        self.asked = []
+
+    def fly(self, laws):
+        self.flights += self.draws * len(laws)
+        self.asked += [law.parameters["NPFG_PERIOD"] for law in laws]
+        return laws
+
+    def value(self, law):
+        return abs(law.parameters["NPFG_PERIOD"] - 14.0)
+
+
+@pytest.mark.slow
+def test_a_search_flies_what_its_budget_allows_and_comes_closer():
+    law = Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7})
+    search = MadeUpSearch(law)
+
+    search.descend([Range("NPFG_PERIOD", 1.0, 100.0), Range("NPFG_DAMPING", 0.1, 1.0)], 1000)
+
+    generation = retune.POPULATION * search.draws
+    assert 1000 - generation < search.flights <= 1000
+    assert min(abs(period - 14.0) for period in search.asked) < 0.5
+
+
 @pytest.mark.parametrize("stop_after", [0, 2, 3, 5])
 def test_flights_of_several_plans_are_kept_and_none_is_flown_twice(plan, tmp_path, stop_after):
     other = replace(plan, campaign=plan.campaign.model_copy(update={"seed": 77}))
