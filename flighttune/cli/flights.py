@@ -153,7 +153,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
     with on_interrupt(), suppress(KeyboardInterrupt):
         if port is not None:
             tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
-            say(f"Open {url} in a browser. On another computer first: ssh {tunnel} HOST")
+            say(f"Open {url} in a browser; on another computer, run `ssh {tunnel} HOST` first.")
         elif url:
             say(
                 f"There is no screen here. Open {url} in a browser on this machine; Ctrl-C ends it."
@@ -164,8 +164,9 @@ def _open(path: Path, *, port: int | None = None) -> None:
 def open_page(opened: Verb, until_closed: bool) -> None:
     """Open a page in the browser on which gains are moved and the flights follow."""
     with opened() as page, on_interrupt(), suppress(KeyboardInterrupt):
-        tunnel = f"ssh -L {page.port}:{LOCAL}:{page.port} HOST"
-        say(f"Open {page.url} in a browser; Ctrl-C ends it. On another computer first: {tunnel}")
+        tunnel = f"`ssh -L {page.port}:{LOCAL}:{page.port} HOST`"
+        say(f"Open {page.url} in a browser. On another computer, run {tunnel} first.")
+        say("Ctrl-C ends the page.")
         page.wait(until_closed=until_closed)
 
 

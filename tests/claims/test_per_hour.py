@@ -293,7 +293,7 @@ def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
     cut = replace(struck, ended_at_s=(5.0,) * 300)
     hourly = replace(hourly, rates=falls, terms=(healthy, cut))
     assert answers.endings(hourly)[1] == (
-        "An aircraft that falls comes 1.5 m away per metre of height, as declared."
+        "An aircraft that falls comes down 1.5 m away per metre of height, as declared."
     )
 
 

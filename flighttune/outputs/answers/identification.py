@@ -55,8 +55,8 @@ def answer(identification: AircraftIdentification) -> Answer:
     values = {"aircraft": identification.identified.aircraft, "channels": conditions[0]["channels"]}
     return Answer(
         summary=[
-            f"The lags identified explain at least {min(fits):.1f} % of the variance of each "
-            f"channel (conditions: {len(conditions)})."
+            f"The identified lags explain at least {min(fits):.1f} % of the variance of every "
+            "channel in every flight condition."
         ],
         values={**values, "conditions": conditions, "skipped": identification.skipped},
         tables=[lags_table(identification.identified), airframe],

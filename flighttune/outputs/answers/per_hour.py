@@ -219,8 +219,8 @@ def endings(hourly: PerHour) -> list[str]:
     ending, said = hourly.table.ending, [ENDINGS[how] for how in hows]
     if "parachute" in hows:
         opens = f"{ending.opens_s:g} s and sinks by {ending.sink_mps:g} m/s"
-        said.append(f"It opens after {opens}, as declared.")
+        said.append(f"The parachute opens after {opens}, as declared.")
     if ending.fall_per_height is not None and hows.keys() - {"parachute"}:
         fall = f"{ending.fall_per_height:g} m away per metre of height"
-        said.append(f"An aircraft that falls comes {fall}, as declared.")
+        said.append(f"An aircraft that falls comes down {fall}, as declared.")
     return said

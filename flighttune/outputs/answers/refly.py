@@ -25,7 +25,7 @@ def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answe
     versions = reflown.versions.items()
     changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
     equal = sum(run["equal"] for run in records)
-    same = f"Runs equal to the bit when flown again: {equal} of {len(records)}."
+    same = f"{equal} of {len(records)} runs are equal to the bit when they are flown again."
     different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
     return Answer(
         summary=[same],

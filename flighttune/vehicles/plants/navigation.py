@@ -247,7 +247,7 @@ class Navigation:
             fault_north, fault_east = self.fault.errors(n, dt)
             north, east = north + fault_north, east + fault_east
         columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
-        return np.stack(columns).T  # columns written one after another: faster than in turn
+        return np.stack(columns).T  # each column is contiguous, and written at once
 
     def path_sd(self, dt: float, V_a: float) -> tuple[float, float, float]:
         """Standard deviations of estimated course and path angle (rad), and of airspeed (relative).
