@@ -88,6 +88,15 @@ def p_value(p: float) -> str:
     return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
+# Smallest half-width that is written as a number, deg.
+LEAST_WIDTH = 1e-4
+
+
+def half_width(deg: float) -> str:
+    """A proven half-width in deg as text; a very small one as an upper bound."""
+    return "< 0.0001" if 0.0 < deg < LEAST_WIDTH else number(deg, "z.4g")
+
+
 def matrix(values: Iterable[Iterable[float]]) -> str:
     """A matrix in one line, its rows separated by semicolons."""
     return "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in values) + "]"

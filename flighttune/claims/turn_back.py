@@ -30,6 +30,12 @@ from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume
 # from the route in any direction, and the difference of height from the place of detection.
 ROOM = {"from_route": "m", "height": "m"}
 
+# What the room to turn back leaves out.
+NOT_COUNTED = (
+    "No failure of engine, link or receiver is in the room to turn back, and the room is no risk "
+    "class."
+)
+
 # Factors on the half-widths of `ROOM`: some more metres of height cost nothing, and the distance is
 # then bounded by nearly its quantile.
 HEIGHT_ROOM = np.array([1.0, 2.0])
@@ -263,6 +269,6 @@ class TurnBack(Counted):
             f"A turn of {table.turn_deg:g} deg to either side from any place of the route, "
             f"{table.reaction_s:g} s after detection, {table.bank_deg:g} deg of bank with a wind "
             f"of {table.wind(self.flights.central.flight.g_mps2):.3g} m/s from behind, until "
-            f"{BACK_S:g} s after it; by formula {self._formula:.0f} m ahead in still air. No "
-            "failure of engine, link or receiver is in it, and it is no risk class."
+            f"{BACK_S:g} s after it; by formula {self._formula:.0f} m ahead in still air.",
+            NOT_COUNTED,
         ]

@@ -12,7 +12,7 @@ from flighttune.base.files.whole import together
 from flighttune.base.screen import LOCAL
 from flighttune.campaigns.engine import flyer
 from flighttune.cli.explain import page_note
-from flighttune.cli.options import WORKERS, Verb, check_ending
+from flighttune.cli.options import COMMANDS, WORKERS, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
@@ -64,7 +64,8 @@ def mission(
     if plan:
         check_ending(out, ".geojson", ".kml", ".plan")
         for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
-            raise errors.InputError(f"`{name}` must be absent with --plan, which flies nothing.")
+            typed = COMMANDS["The first day"]["mission"].get(name, {}).get("flags", [name])[0]
+            raise errors.InputError(f"`{typed}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **settings).answer()
     check_ending(out, ".npz")
     if flies:

@@ -45,6 +45,7 @@ from flighttune.control.certificates.certificate import Certificate
 from flighttune.control.gains_keys import GainsTable
 from flighttune.flight.flown import bound_checks
 from flighttune.flight.fly import fly
+from flighttune.flight.loop.measures import SETTLING_BAND, SMALLEST_STEP
 from flighttune.flight.loop.run import ERRORS, Bounds, Run
 from flighttune.flight.scenario.load import scenario_from, with_gains
 from flighttune.flight.scenario.schema import Scenario
@@ -589,12 +590,34 @@ def _share_of(
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
-    """Value of a metric in a row, larger is worse; `FAILED` for a flight without a value."""
+    """Value of a metric in a row, larger is worse; `FAILED` for a flight without a value.
+
+    A settling time without a change to settle from says nothing about a flight: it is `-FAILED`,
+    and not considered in a margin.
+    """
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:
         value = row[metric][0] if metric in (TUBE, BAND) else row[metric]
-        return FAILED if value is None else float(value)
-    checks = bound_checks(scenario.expected(row["plant"], row["gains"]), measured_in(row))
-    margins = (FAILED if math.isnan(check.margin) else check.margin for check in checks)
-    return max(margins, default=FAILED)
+        nothing = value is None and _nothing_to_settle(row, *metric.split("."))
+        return -FAILED if nothing else FAILED if value is None else float(value)
+    checks = [*bound_checks(scenario.expected(row["plant"], row["gains"]), measured_in(row))]
+    margins = [
+        FAILED if math.isnan(check.margin) else check.margin
+        for check in checks
+        if not (math.isnan(check.value) and _nothing_to_settle(row, check.subject, check.measure))
+    ]
+    return max(margins, default=-FAILED if checks else FAILED)
+
+
+def _nothing_to_settle(row: Mapping[str, Any], subject: str, measure: str = "") -> bool:
+    """Whether a measure is a settling time, and no change is commanded of which it is the time."""
+    if measure != "settling_s":
+        return False
+    # Rows have the band of a settling time that is required; else the errors tell.
+    band = row.get(f"{subject}.settling_band_rad")
+    return (
+        row[f"{subject}.peak_rad"] < SMALLEST_STEP
+        if band is None
+        else band < SETTLING_BAND * SMALLEST_STEP
+    )

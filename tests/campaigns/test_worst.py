@@ -98,6 +98,31 @@ def test_the_margin_is_that_of_the_nearest_demand():
     assert worst_module.value_of(row, "chi.ITAE", plan.scenario) == 0.3
 
 
+def test_a_start_on_its_reference_has_nothing_to_settle_and_is_not_the_worst():
+    """A start at 0.09 deg is nearer than the smallest change, 0.1 deg; 4.8 s are 0.2 over 4 s."""
+    bounds = {"at_most": {"chi": {"settling_s": 4.0, "peak_deg": 35.0}}}
+    plan = small_plan(expect=[bounds])
+    row = {"status": "completed", "plant": "kinematic", "gains": "soft"}
+    near, far = (
+        {
+            **row,
+            "chi.settling_s": settled,
+            "chi.peak_rad": np.radians(start),
+            "chi.settling_band_rad": 0.05 * np.radians(start),
+        }
+        for start, settled in ((0.09, None), (30.0, 4.8))
+    )
+
+    def values(row):
+        return [worst_module.value_of(row, x, plan.scenario) for x in ("margin", "chi.settling_s")]
+
+    assert values(near) == [pytest.approx(0.09 / 35.0 - 1.0), -worst_module.FAILED]
+    assert values(far) == [pytest.approx(0.2), 4.8]
+    assert values({**far, "chi.settling_s": None}) == [worst_module.FAILED] * 2
+    del near["chi.settling_band_rad"]  # a row of a scenario without a bound on the settling time
+    assert values(near)[1] == -worst_module.FAILED
+
+
 @pytest.mark.parametrize(("completed", "worst"), [(False, 1), (True, 2)])
 def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
     ends = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]

@@ -176,6 +176,7 @@ def test_docstring_and_annotation_of_a_verb_state_the_same_units(place):
         ("tune paper --points 5", "--points must be absent without --frontier"),
         ("mission circuit --plan --flights 5", "`flights` must be absent with --plan"),
         ("mission circuit --plan --page x.html", "`page` must be absent with --plan"),
+        ("mission circuit --plan --per-hour x.toml", "`--per-hour` must be absent with --plan"),
         ("design aerosonde", "--out must be given for an aircraft that is shipped"),
     ],
 )

@@ -19,7 +19,7 @@ from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.base.files.whole import whole_file
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
-from flighttune.base.words import at_least, at_most, confidence_text, quoted
+from flighttune.base.words import LEAST_WIDTH, at_least, at_most, confidence_text, quoted
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.problem import (
@@ -202,9 +202,9 @@ class Tube(Answering):
         if self.status != "bounded":
             return f"nothing is claimed of the flights of {problem.model}: {self.reason}"
         low, high = problem.disturbances
-        worst = float(np.abs([low, high]).max())
+        worst, widths = float(np.abs([low, high]).max()), self.half_widths
         within = " and ".join(
-            f"{symbol} within {at_most(self.half_widths[channel]['max'] or 0.0, 2)} deg"
+            f"{symbol} within {at_most(max(widths[channel]['max'] or 0.0, LEAST_WIDTH), 2)} deg"
             for channel, symbol in CHANNEL_SYMBOLS.items()
         )
         starts = f"from starts within {at_least(problem.start * DEG_PER_RAD)} deg of its start"

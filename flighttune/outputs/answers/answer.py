@@ -268,6 +268,7 @@ class Answer:
     values: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
+    aside: Sequence[str] = ()  # sentences of these that a terminal leaves to pages and --json
     verdict: str = ""
     command: str = ""  # to copy
     files: Mapping[str, Path | str | None] = field(default_factory=dict)
@@ -299,7 +300,7 @@ class Answer:
 
         The answer comes first, then what it leaves out, then at most `TABLE_LINES` of tables.
         """
-        first = self.summary or [self.verdict] * bool(self.verdict)
+        first = self._at_hand(self.summary) or [self.verdict] * bool(self.verdict)
         head = [line for part in (first, self.changed) for line in (*part, "") if part]
         for line in head:
             yield _filled(line, width)
@@ -307,7 +308,8 @@ class Answer:
         for place, text in enumerate(shown):
             yield f"\n{text}" if place else text
         last = "" if any(self.verdict in line for line in first) else self.verdict
-        sentences = [line for line in (*self.notes, last) if line]
+        sentences = self._at_hand([*self.notes, last])
+        left_out += ["notes"] * any(line in self.aside for line in (*self.notes, last))
         if left_out:
             sentences.append(f"More with --json: {', '.join(left_out)}.")
         if shown and sentences:
@@ -323,6 +325,10 @@ class Answer:
         recording = self.files.get("recording")
         if recording is not None and not (self.files.get("page") or self.failure):
             yield f"A page to send: flighttune report {quote(str(Path(recording).parent))}"
+
+    def _at_hand(self, sentences: Sequence[str]) -> list[str]:
+        """Sentences that a terminal shows."""
+        return [line for line in sentences if line and line not in self.aside]
 
     def _shown(self, width: int) -> tuple[list[str], list[str]]:
         """Tables of a terminal in at most `TABLE_LINES`, and the names of what is left out."""

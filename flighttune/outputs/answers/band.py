@@ -44,6 +44,9 @@ def along_route(band: Band, answer: Answer) -> Answer:
     known = [TRIANGLE] * (navigation_errors(band) is not None)
     notes = [*answer.notes, *known]
     answer = replace(answer, values=values, changed=changed, summary=summary(band), notes=notes)
+    # The summary has the claim in short.
+    warned = band.flights.gains_notes
+    answer = replace(answer, aside=[*(x for x in notes if x not in warned), answer.verdict])
     if not band.about.fences:
         return answer
     count = band.inside(band.about.fences[-1])
@@ -53,6 +56,7 @@ def along_route(band: Band, answer: Answer) -> Answer:
         if nearest["what"] == "band":
             within = "inside" if nearest["margin_m"] >= 0.0 else "not inside"
             notes.append(f"The band itself is {within} the fence.")
+    aside = [*answer.aside, *notes[len(answer.notes) :], count.sentence]
     notes.append(f"The fence has {count.heights}.")
     if band.not_completed:
         notes.append(f"Of the flights {band.lost}: they count as outside.")
@@ -61,6 +65,7 @@ def along_route(band: Band, answer: Answer) -> Answer:
         answer,
         tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
         notes=notes,
+        aside=aside,
         verdict=count.sentence if count.supported else "",
         failure="" if count.supported else asked,
     )

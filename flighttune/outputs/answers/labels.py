@@ -10,7 +10,7 @@ from flighttune.base.endings import endings
 from flighttune.base.names import UNIT_OF_SUFFIX
 from flighttune.base.signals import CHANNEL_WORDS, SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
-from flighttune.base.words import figures, number, p_value, percent
+from flighttune.base.words import figures, half_width, number, p_value, percent
 from flighttune.outputs.answers.answer import Column, Table
 
 
@@ -24,7 +24,7 @@ def endings_table(rows: Iterable[Mapping[str, Any]]) -> Table:
 TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 # Ways to write a number that the labels name.
-WRITERS = {"percent": percent, "figures": figures, "p_value": p_value}
+WRITERS = {"percent": percent, "figures": figures, "p_value": p_value, "half_width": half_width}
 
 
 def _labelled(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from flighttune.claims.band import Band
 from flighttune.claims.mission import MissionOdds, OverGround, PlannedMission, over_ground
-from flighttune.claims.turn_back import TurnBack
+from flighttune.claims.turn_back import NOT_COUNTED, TurnBack
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.band import summary
 from flighttune.outputs.answers.turn_back import ended
@@ -28,15 +28,17 @@ def answer(mission: MissionOdds) -> Answer:
         return counted
     said = mission.per_hour.answer()
     first, shares, *others = said.summary
-    whether, *more = counted.summary
+    whether, odds, wide, *more = counted.summary
     # A page has the first `LINES` at its top: what is said of a whole flight comes first.
     lead = [whether, first, *others] if counted.failure else [first, *others, whether]
+    short = [shares, wide, *(others[:-1] if counted.failure else [odds])]
     return replace(
         counted,
-        summary=[*lead, shares, *more],
+        summary=[*lead, shares, odds, wide, *more],
         values={**counted.values, **said.values},
         tables=[*said.tables, *counted.tables],
         notes=[*said.notes, *counted.notes],
+        aside=[*short, *said.aside, *counted.aside],
         failure=counted.failure or said.failure,
     )
 
@@ -66,6 +68,7 @@ def _of_flights(mission: MissionOdds) -> Answer:
         values={**answer.values, "confidence": total, "turn_back": turns},
         tables=[*answer.tables, said.tables[0], *terms, ended(room)],
         notes=[*answer.notes, *said.notes, said.verdict],
+        aside=[*answer.aside, *(x for x in said.notes if x != NOT_COUNTED), said.verdict],
         failure=answer.failure or (f"room to turn back: {said.failure}" if said.failure else ""),
         files=files,
     )

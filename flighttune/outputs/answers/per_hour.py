@@ -60,6 +60,7 @@ def answer(hourly: PerHour) -> Answer:
         summary=summary(hourly),
         tables=tables(hourly),
         notes=notes(hourly),
+        aside=notes(hourly)[:-1],
         verdict=hourly.sentence,
         failure=failure,
     )

@@ -5,10 +5,12 @@ import re
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
 import flighttune
 from flighttune.base.names import key_words
 from flighttune.base.words import at_least, at_most, confidence_text
+from flighttune.campaigns.planning.schema import MEASURES
 from flighttune.flight import metrics
 from flighttune.outputs.answers import labels
 
@@ -20,6 +22,13 @@ def test_every_label_of_a_single_table_is_one_of_its_columns():
         used[name] |= set(keys.replace('"', " ").split())
     for name, headings in labels.TABLES["tables"].items():
         assert headings.keys() <= used[name]
+
+
+def test_the_page_of_campaigns_has_every_measure():
+    page = (ROOT / "docs/campaigns.md").read_text(encoding="utf-8")
+
+    named = {name.rpartition(".")[2] for name in re.findall(r"`([\w.]+)`", page)}
+    assert {name.rpartition(".")[2] for name in MEASURES} <= named
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
@@ -108,3 +117,13 @@ def test_a_requirement_in_words_has_all_its_values_in_the_unit_shown():
     assert shown["bound"] == pytest.approx(180.0)
     assert shown["value"] == pytest.approx(90.0)
     assert shown["start"] == math.inf
+
+
+@pytest.mark.parametrize(
+    ("deg", "text"),
+    [(0.0, "0"), (9e-06, "< 0.0001"), (1e-4, "0.0001"), (0.14321, "0.1432"), (math.nan, "–")],
+)
+def test_a_half_width_has_no_digits_that_nobody_needs(deg, text):
+    (column,) = labels.columns("end", of="tube")
+
+    assert column.text({"end": deg}) == text

@@ -149,6 +149,10 @@ def test_an_answer_begins_with_its_sentence_and_has_few_lines_of_tables():
     assert lines[-1] == "More with --json: 13 of 30 rows, later, x."
     assert lines.count("It is so.") == 1
     assert "29" in "\n".join(replace(answer, whole=True).text(80)).split()
+    aside = replace(answer, notes=["z", "much more"], aside=["much more"])
+    lines = "\n".join(aside.text(80)).splitlines()
+    assert lines[-2:] == ["z.", "More with --json: 13 of 30 rows, later, x, notes."]
+    assert json.loads(aside.json())["notes"] == ["Not covered: y.", "z", "much more"]
 
 
 @pytest.mark.parametrize("grouped", [False, True])

@@ -125,6 +125,22 @@ def test_a_mission_prints_as_one_page_of_a4(mission, printed, faults):
     assert fonts == {b"DejaVuSansCondensed", b"DejaVuSansCondensed-Bold"}
 
 
+def test_a_terminal_has_the_answer_what_is_not_in_it_and_few_lines_of_tables(mission):
+    """The rest is on the page and in JSON alone."""
+    answer = mission.answer()
+
+    shown = "\n".join(answer.text(120))
+
+    first, rest = shown.split("\n\n", 1)
+    assert len(first.splitlines()) <= 8
+    assert "It holds for kinematic" in first
+    assert len(rest.partition("Faults of other kinds")[2].splitlines()) <= 10
+    whole = " ".join([*answer.summary, *answer.notes])
+    for said in ("declared by the applicant", "--run ", "Of the exits per flight hour"):
+        assert said in whole
+        assert said not in shown
+
+
 @pytest.mark.slow
 def test_what_does_not_fit_makes_a_second_page(mission, printed):
     """So the check above can fail."""
