@@ -34,8 +34,8 @@ def main() -> None:
         for key, value in GAINS.items():
             moved = f"document.getElementById('gains[0].{key}')"
             tab.run(f"{moved}.value = {value}, {moved}.dispatchEvent(new Event('input'))")
-        tab.run("document.querySelector('[data-begin=aircraft]').click()")
-        tab.until("/of 20 aircraft/.test(document.querySelector('#verdict').textContent)", ENOUGH_S)
+        tab.run("document.querySelector('[data-doing=aircraft]').click()")
+        tab.until("/20 aircraft/.test(document.querySelector('#verdict').textContent)", ENOUGH_S)
         picture = Image.open(io.BytesIO(tab())).convert("RGB")
     picture.quantize(COLOURS).save(DOCS / "open.png", optimize=True)
 

@@ -323,7 +323,7 @@ class FlownScenario(Answering):
     def __getitem__(self, label: str) -> Run:
         return next(run for run in self.runs if run.label == label)
 
-    @property
+    @cached_property
     def claim(self) -> ClaimCheck:
         """The runs against the ``[[expect]]`` tables of the scenario."""
         return check_claim(self.scenario, self.runs)

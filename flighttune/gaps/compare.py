@@ -18,7 +18,7 @@ from flighttune.base.files.load import READERS, load_one, written
 from flighttune.base.words import listed
 from flighttune.flight import flown, load
 from flighttune.flight.fly import fly
-from flighttune.flight.loop.run import Claim, Run, with_claims
+from flighttune.flight.loop.run import Claim, Run, renamed, with_claims
 from flighttune.flight.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.flight.records.parquet import Recording
 from flighttune.flight.scenario.load import gains_notes, leaves
@@ -370,5 +370,5 @@ def overlaid(comparison: Comparison) -> list[Run]:
     for (source, label), run in runs.items():
         if labels.count(label) > 1:
             name = f"{run.provenance.gains_name} ({letters[source]})"
-            runs[source, label] = replace(run, provenance=replace(run.provenance, gains_name=name))
+            runs[source, label] = renamed(run, name)
     return list(runs.values())

@@ -21,8 +21,6 @@ from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import CLAIMS, load_one, written
 from flighttune.base.files.load import TUBE as TUBE_FILE
-from flighttune.base.files.table import toml_text
-from flighttune.base.files.whole import write_text
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD, Degrees, RadiansPerSecond
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
@@ -47,7 +45,7 @@ from flighttune.flight.flown import bound_checks
 from flighttune.flight.fly import fly
 from flighttune.flight.loop.measures import SETTLING_BAND, SMALLEST_STEP
 from flighttune.flight.loop.run import ERRORS, Bounds, Run
-from flighttune.flight.scenario.load import scenario_from, with_gains
+from flighttune.flight.scenario.load import save_scenario, scenario_from, with_gains
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 
@@ -159,7 +157,7 @@ class WorstFlight(Answering):
 
     def save(self, path: str | Path) -> None:
         """Write the flight as a scenario (.toml)."""
-        write_text(Path(path), toml_text(self.scenario.as_dict()))
+        save_scenario(self.scenario, Path(path))
 
 
 @code.flies

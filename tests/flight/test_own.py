@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import textwrap
 import time
@@ -14,10 +15,12 @@ from made_up import made_up_scenario, scenario_tables
 from plain_members import Glider, Proportional
 
 import flighttune as ft
+from flighttune.base.files.shipped import aircraft_folders
 from flighttune.campaigns.planning.plan import plan_from
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight import apart
 from flighttune.flight.new import new_scenario
+from flighttune.flight.scenario.load import save_scenario
 
 TABLES = scenario_tables(
     law=[
@@ -166,6 +169,19 @@ def test_a_file_names_a_class_and_its_parameters_and_the_recording_knows_its_has
     assert len(table["sha256"]) == 64
     assert table["class"] == "Mine"
     assert ft.refly(flown.runs, run_code=True).equal
+
+
+def test_a_scenario_that_is_saved_elsewhere_flies_with_the_same_files(files, monkeypatch):
+    monkeypatch.chdir(files)
+    shutil.copytree(aircraft_folders()["aerosonde"], files / "mine")
+    plants = [{"kind": "jsbsim", "aircraft": name} for name in ("mine", "aerosonde")]
+    (files / "own.toml").write_text(to_toml({**TABLES, "plant": plants}))
+    saved = files / "saved" / "own.toml"
+    save_scenario(ft.load_scenario("own.toml"), saved)
+    again = ft.load_scenario(saved)
+
+    assert again.law[0].module == str(files / "my_law.py")
+    assert [plant.aircraft for plant in again.plant] == [str(files / "mine"), "aerosonde"]
 
 
 def test_a_file_that_is_gone_or_changed_is_refused(files):

@@ -282,6 +282,11 @@ class Run:
         return function_for(self, SPEAKERS)(self).html()
 
 
+def renamed(run: Run, name: str) -> Run:
+    """The run under another name of its gains, for pictures of several flights."""
+    return replace(run, provenance=replace(run.provenance, gains_name=name))
+
+
 def claims_around(claims: Sequence[RunClaim], signal: str) -> Iterator[tuple[RunClaim, FloatArray]]:
     """The claims that bound a signal, with its bounds, shape (2, samples) each."""
     for claim in claims:

@@ -28,8 +28,10 @@ from flighttune.base.files.table import (
     mistakes,
     shown,
     toml_tables,
+    toml_text,
     validated,
 )
+from flighttune.base.files.whole import write_text
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import GainsTable
 from flighttune.control.law import DEFAULT
@@ -350,6 +352,17 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
     30.0
     """
     return validated(Scenario, tables, "scenario").assuming()
+
+
+def save_scenario(scenario: Scenario, path: Path) -> None:
+    """Write a scenario (.toml) that flies from anywhere: paths of its files are absolute."""
+    tables = scenario.as_dict()
+    for table in (*tables.get("law", ()), *tables["plant"], tables["tuning"]):
+        for key in ("module", "aircraft", "identified"):
+            # an aircraft without a separator is a shipped one
+            if key in table and (key == "module" or Path(table[key]).name != table[key]):
+                table[key] = str(Path(table[key]).absolute())
+    write_text(path, toml_text(tables))
 
 
 def scenario_of(run: Run) -> Scenario:

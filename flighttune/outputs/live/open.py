@@ -2,7 +2,6 @@
 
 import webbrowser
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from flighttune.base.files.load import LOG, RECORDING, kind_of, written
 from flighttune.base.files.shipped import scenario_files
 from flighttune.base.screen import has_screen
 from flighttune.campaigns.planning.source import Flights, flights
-from flighttune.flight.loop.run import Run
+from flighttune.flight.loop.run import Run, renamed
 from flighttune.flight.route import AIRCRAFT
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
@@ -78,9 +77,8 @@ def open(
     >>> page.close()
     """
     check_at_least(1, budget=budget)
-    stated, beside = _stated(source, aircraft, changes)
-    folder = Path("runs/open" if out is None else out)
-    page = Opened(Desk(stated, gains, folder, budget, beside), port or 0)
+    stated, recorded = _stated(source, aircraft, changes)
+    page = Opened(Desk(stated, gains, Path(out or "runs/open"), budget, recorded), port or 0)
     if browser and has_screen():
         webbrowser.open(page.url)
     return page
@@ -98,13 +96,9 @@ def _stated(
         return flights(followed(log, aircraft or AIRCRAFT), changes=changes), [log]
     if kind != RECORDING:
         return flights(source, aircraft=aircraft, changes=changes), []
-    recorded = [run for run in written(source, RECORDING).runs if len(run.signals) > 1]
-    if not recorded:
+    flown = [run for run in written(source, RECORDING).runs if len(run.signals) > 1]
+    if not flown:
         raise RecordingError(f"{source}: a run must have flown, got none.")
-    first = recorded[0].provenance.gains_name
-    runs = [
-        replace(run, provenance=replace(run.provenance, gains_name="recorded"))
-        for run in recorded
-        if run.provenance.gains_name == first
-    ]
-    return flights(scenario_of(recorded[0]), aircraft=aircraft, changes=changes), runs
+    first = flown[0].provenance.gains_name
+    runs = [renamed(run, "recorded") for run in flown if run.provenance.gains_name == first]
+    return flights(scenario_of(flown[0]), aircraft=aircraft, changes=changes), runs

@@ -4,14 +4,14 @@ import asyncio
 import json
 import secrets
 import socket
-import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from itertools import groupby
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import uvicorn
+from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
@@ -27,26 +27,20 @@ from starlette.responses import (
 from starlette.routing import Route
 
 from flighttune.base.errors import FlightTuneError, InputError, printable
-from flighttune.base.files.whole import reason_of
 from flighttune.base.screen import LOCAL
 from flighttune.outputs.drawing.templates import page_template
-from flighttune.outputs.live.desk import Desk
+from flighttune.outputs.live.desk import Asked, Desk, in_thread
 from flighttune.outputs.pages.frame import look_and_script
 
 # Host names of this machine, also through a tunnel.
 HOSTS = [LOCAL, "localhost"]
 
-# Largest request, bytes.
-MAX_BYTES = 65_536
+# Largest request, bytes, and most connections; a window has one for its news.
+MAX_BYTES, MAX_CONNECTIONS = 65_536, 64
 
-# Periods at which a window gets news of a search, at which a closed window is noticed, and at which
-# the command looks for the last one; time that a window may take to reload before it counts as
-# closed; time limits to start and to end, s. Most windows.
-TELL_S, BEAT_S, LOOK_S, CLOSED_S, START_S, END_S = 0.1, 1.0, 0.2, 3.0, 10.0, 1
-MAX_WINDOWS = 50
-
-# What anything but our page's JSON may raise where it is read.
-ODD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
+# Periods at which a window gets news of a search and the command looks for the last window; time
+# that a window may take to reload before it counts as closed; time limits of the server's end, s.
+TELL_S, LOOK_S, CLOSED_S, END_S, JOIN_S = 0.2, 0.2, 3.0, 1, 10.0
 
 # The page itself adds to this policy its one script, and that it connects to this server alone.
 HEADERS = {
@@ -56,8 +50,6 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",  # the address holds the token
     "X-Content-Type-Options": "nosniff",
 }
-
-Endpoint: TypeAlias = Callable[[Request], Awaitable[Response]]
 
 
 class Opened:
@@ -80,22 +72,27 @@ class Opened:
     def __init__(self, desk: Desk, port: int) -> None:
         self._desk, self._token = desk, secrets.token_urlsafe(24)
         self._windows, self._left = 0, 0.0
+        verbs: list[Callable[[Asked], Any]] = [desk.picture, desk.begin, desk.stop, desk.save]
+        self._verbs = {verb.__name__: verb for verb in verbs}
         try:
             self._socket = socket.create_server((LOCAL, port))
         except (OSError, OverflowError) as error:
             raise InputError(f"`port` must be free, got {error.args[-1]} at {port}.") from error
         self.port = int(self._socket.getsockname()[1])
         self.url = f"http://{LOCAL}:{self.port}/{self._token}/"
+        application = Starlette(
+            routes=[Route("/{token}/{name:path}", self._answer, methods=["GET", "POST"])],
+            middleware=[Middleware(TrustedHostMiddleware, HOSTS, www_redirect=False)],
+        )
         config = uvicorn.Config(
-            self._application(), log_config=None, lifespan="off", timeout_graceful_shutdown=END_S
+            application,
+            log_config=None,
+            lifespan="off",
+            limit_concurrency=MAX_CONNECTIONS,
+            timeout_graceful_shutdown=END_S,
         )
         self._server = uvicorn.Server(config)
-        sockets = {"sockets": [self._socket]}
-        self._thread = threading.Thread(target=self._server.run, kwargs=sockets, daemon=True)
-        self._thread.start()
-        end = time.monotonic() + START_S
-        while not self._server.started and time.monotonic() < end:
-            time.sleep(0.01)
+        self._thread = in_thread(lambda: self._server.run(sockets=[self._socket]))
 
     def wait(self, *, until_closed: bool = False) -> None:
         """Wait for ever, or until the last window of the page is closed."""
@@ -111,7 +108,7 @@ class Opened:
         """End the server and a running search."""
         self._desk.close()
         self._server.should_exit = True
-        self._thread.join(START_S)
+        self._thread.join(JOIN_S)
         self._socket.close()
 
     def __enter__(self) -> "Opened":
@@ -126,39 +123,25 @@ class Opened:
     def _repr_html_(self) -> str:
         return f'<a href="{self.url}" target="_blank">{self.url}</a>'
 
-    def _application(self) -> Starlette:
-        answers: dict[str, Endpoint] = {"": self._page, "events": self._events}
-        verbs = {name: getattr(self._desk, name) for name in ("picture", "begin", "stop", "save")}
-        answers |= {name: _answered(verb) for name, verb in verbs.items()}
-        routes = [
-            Route(
-                f"/{{token}}/{name}",
-                self._guarded(answer),
-                methods=["POST" if name in verbs else "GET"],
-            )
-            for name, answer in answers.items()
-        ]
-        hosts = Middleware(TrustedHostMiddleware, allowed_hosts=HOSTS, www_redirect=False)
-        return Starlette(routes=routes, middleware=[hosts])
-
-    def _guarded(self, answer: Endpoint) -> Endpoint:
+    async def _answer(self, request: Request) -> Response:
         """An answer given only with the token, and where it writes or flies only to our page."""
+        told, get = request.headers, request.method == "GET"
+        token, name = request.path_params["token"], request.path_params["name"]
+        ours = f"http://{told.get('host')}"
+        allowed = secrets.compare_digest(token.encode(), self._token.encode())
+        allowed &= told.get("origin", ours if get else "") == ours
+        allowed &= told.get("sec-fetch-site", "none") in ("none", "same-origin")
+        response: Response = PlainTextResponse("there is no such page", 404)
+        if allowed and get and not name:
+            response = HTMLResponse(self._page())
+        elif allowed and get and name == "events":
+            response = StreamingResponse(self._told(), media_type="text/event-stream")
+        elif allowed and not get and name in self._verbs:
+            response = await _done(request, self._verbs[name])
+        response.headers.update(HEADERS)
+        return response
 
-        async def guarded(request: Request) -> Response:
-            token, told = request.path_params["token"], request.headers
-            allowed = secrets.compare_digest(token.encode(), self._token.encode())
-            ours = f"http://{told.get('host')}"
-            allowed &= told.get("origin", ours if request.method == "GET" else "") == ours
-            allowed &= told.get("sec-fetch-site", "none") in ("none", "same-origin")
-            response: Response = PlainTextResponse("there is no such page", 404)
-            if allowed:
-                response = await answer(request)
-            response.headers.update(HEADERS)
-            return response
-
-        return guarded
-
-    async def _page(self, _: Request) -> Response:
+    def _page(self) -> str:
         """The page without flights, which its script asks for once it has loaded."""
         desk, own = self._desk, Path(__file__).with_name("live.js")
         page = page_template("flighttune.outputs.live", "live.html.jinja").render(
@@ -167,51 +150,38 @@ class Opened:
             claim="",
             summary=(),
             desk=desk,
-            groups=[(name, [*own]) for name, own in groupby(desk.sliders, lambda x: x.group)],
+            groups=[(name, [*group]) for name, group in groupby(desk.sliders, lambda x: x.group)],
             **look_and_script(own, own.with_suffix(".css")),
         )
-        return HTMLResponse(printable(page))
-
-    async def _events(self, _: Request) -> Response:
-        if self._windows >= MAX_WINDOWS:
-            return PlainTextResponse("too many windows are open", 503)
-        return StreamingResponse(self._told(), media_type="text/event-stream")
+        return printable(page)
 
     async def _told(self) -> AsyncIterator[str]:
         """Events of a search for one window, as long as it is open."""
         self._windows += 1
-        told, beat = self._desk.search.state, 0.0
+        told = self._desk.search.state
         try:
             while not self._server.should_exit:
-                if (state := self._desk.search.state) is not told:
-                    told = state
-                    yield f"data: {printable(json.dumps(state))}\n\n"
-                elif time.monotonic() > beat + BEAT_S:
-                    beat = time.monotonic()
-                    yield ":\n\n"
+                state = self._desk.search.state
+                # a comment, which a window ignores, fails once it is closed
+                yield ":\n\n" if state is told else f"data: {printable(json.dumps(state))}\n\n"
+                told = state
                 await asyncio.sleep(TELL_S)
         finally:
             self._windows -= 1
             self._left = time.monotonic()
 
 
-def _answered(verb: Callable[[dict[str, Any]], Any]) -> Endpoint:
-    """An endpoint that calls a verb with the JSON of a request; the answer may be its error."""
-
-    async def answered(request: Request) -> Response:
-        body = bytearray()
-        async for part in request.stream():
-            body += part
-            if len(body) > MAX_BYTES:
-                return JSONResponse({"failed": f"must have at most {MAX_BYTES} bytes"}, 413)
-        try:
-            return JSONResponse(await run_in_threadpool(verb, json.loads(body)))
-        except FlightTuneError as error:
-            return JSONResponse({"failed": printable(str(error))})
-        except OSError as error:
-            said = f"{error.filename}: {reason_of(error)}" if error.filename else str(error)
-            return JSONResponse({"failed": printable(said)})
-        except ODD:
-            return JSONResponse({"failed": "must be what the page sends"}, 400)
-
-    return answered
+async def _done(request: Request, verb: Callable[[Asked], Any]) -> Response:
+    """What a verb returns for a request, or its error in a line."""
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > MAX_BYTES:
+            return JSONResponse({"failed": f"must have at most {MAX_BYTES} bytes"}, 413)
+    try:
+        asked = Asked.model_validate_json(bytes(body))
+        return JSONResponse(await run_in_threadpool(verb, asked))
+    except ValidationError:
+        return JSONResponse({"failed": "must be what the page sends"}, 400)
+    except FlightTuneError as error:
+        return JSONResponse({"failed": printable(str(error))})

@@ -1,7 +1,6 @@
 """The page that compares a user's guidance with the gains of a scenario."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.statistics.intervals import scores
 from flighttune.flight.fly import library_versions
+from flighttune.flight.loop.run import renamed
 from flighttune.outputs.answers.answer import facts_table
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.chart import Chart
@@ -67,8 +67,7 @@ def typical_flights(beside: Beside) -> tuple[int, panels.Drawn]:
     draw = int(yours["draw"].iloc[middle])
     runs = []
     for group, name in zip(plan.groups, (YOURS, OURS), strict=True):
-        run = fly_group(plan, plan.scenario_of(draw), group)
-        runs.append(replace(run, provenance=replace(run.provenance, gains_name=name)))
+        runs.append(renamed(fly_group(plan, plan.scenario_of(draw), group), name))
     styles = run_styles(runs)
     return draw, [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
 

@@ -134,10 +134,8 @@ def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
         panels.flown_signals(flights, " ".join(x for x in signals.split() if x in there))
         for signals in (ABOVE, BELOW)
     )
-    placed = [(run, style) for run, style in flights if {"north", "east", "down"} <= {*run.signals}]
-    paths = panels.paths(placed) if placed else []
     return [
-        Section(note=TEXTS["log"], charts=[*above, *paths], tables=[table]),
+        Section(note=TEXTS["log"], charts=[*above, *panels.paths(flights)], tables=[table]),
         Section(id="commands", title="Commands, load and speed", charts=below),
     ]
 

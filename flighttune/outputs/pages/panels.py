@@ -64,6 +64,9 @@ ANGLES = 2001
 FINEST = 300
 
 
+# Signals of a place.
+PLACE = {"north", "east", "down"}
+
 # Runs that are drawn together, with their lines.
 Drawn: TypeAlias = Sequence[tuple[Run, LineStyle]]
 
@@ -210,7 +213,13 @@ def flown_signals(flights: Drawn, signals: str = "phi n_z") -> list[Chart]:
 
 
 def paths(flights: Drawn) -> list[Chart]:
-    """The paths from above, with north up, or to the right for a long way north; and heights."""
+    """The paths from above, with north up, or to the right for a long way north; and heights.
+
+    Runs without places, such as some logs, are left out; nothing is drawn if no run has places.
+    """
+    flights = [(run, style) for run, style in flights if PLACE <= {*run.signals}]
+    if not flights:
+        return []
     ned = [run.signals[["north", "east", "down"]].to_numpy() for run, _ in flights]
     extent = np.ptp(np.vstack(ned), axis=0)
     across, up = (0, 1) if extent[0] > extent[1] else (1, 0)

@@ -205,13 +205,13 @@ def test_a_law_that_raises_is_told(browser, tmp_path):
     )
     with ft.open(scenario, browser=False) as page, window(browser, page) as tab:
         tab.until("/gives up/.test(document.querySelector('#verdict').textContent)", PATIENCE_S)
-        assert tab.run("document.querySelector('[data-begin=tune]').disabled")
+        assert tab.run("document.querySelector('[data-doing=tune]').disabled")
 
 
 def test_tuned_gains_move_the_sliders(browser, page):
     with window(browser, page) as tab:
         drawn = tab.run(DRAWN)
-        click(tab, "[data-begin=tune]")
+        click(tab, "[data-doing=tune]")
         tab.until("/R_K is/.test(document.querySelector('#said').textContent)", PATIENCE_S)
         tab.until(f"{DRAWN} > {drawn}", PATIENCE_S)
         tuned = ft.tune(ft.load_scenario("level_turn")).gains
@@ -222,13 +222,13 @@ def test_tuned_gains_move_the_sliders(browser, page):
 @pytest.mark.soak
 def test_a_search_shows_how_far_it_is_and_stops_while_sliders_move(browser, page):
     with window(browser, page) as tab:
-        click(tab, "[data-begin=meet]")
+        click(tab, "[data-doing=meet]")
         tab.until("!document.querySelector('#search').hidden", PATIENCE_S)
         tab.until("/searching/.test(document.querySelector('#said').textContent)", PATIENCE_S)
         drawn = tab.run(DRAWN)
         set_value(tab, K_P, 1.4)
         tab.until(f"{DRAWN} > {drawn}", PATIENCE_S)
-        click(tab, "#stop")
+        click(tab, "[data-ask=stop]")
         tab.until("/stopped/.test(document.querySelector('#said').textContent)", PATIENCE_S)
         assert tab.run("document.querySelector('#search').hidden")
         assert float(tab.run(f"document.getElementById('{K_P}').value")) == 1.4
@@ -238,7 +238,7 @@ def test_aircraft_that_differ_are_drawn_as_a_cloud_until_a_slider_moves(browser,
     lines = "document.querySelectorAll('#charts figure:first-of-type path[stroke-width=\"0.425\"]')"
     with window(browser, page) as tab:
         assert tab.run(f"{lines}.length") == 0
-        click(tab, "[data-begin=aircraft]")
+        click(tab, "[data-doing=aircraft]")
         tab.until(f"{lines}.length === 20", PATIENCE_S)
         assert "as those of missions: mass factor 0.91 to 1.09, centre of gravity" in said(tab)
         assert "20 aircraft that differ" in tab.run(
@@ -262,8 +262,8 @@ def test_a_snapshot_stays_as_a_ghost_until_it_is_removed(browser, page):
 def test_saving_and_recording_tell_the_command_that_does_the_same(browser, page):
     with window(browser, page) as tab:
         for button, command in (
-            ("[data-save='']", "flighttune fly"),
-            ("[data-save=yes]", "flighttune view"),
+            ("[data-ask=save]", "flighttune fly"),
+            ("[data-recorded=yes]", "flighttune view"),
         ):
             click(tab, button)
             tab.until(f"/{command}/.test(document.querySelector('#said').textContent)", PATIENCE_S)
@@ -312,7 +312,7 @@ def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(bro
             *tab.run("[...document.querySelectorAll('figcaption :is(b, button)')]"
                      ".map(x => x.textContent.trim())")
         }  # fmt: skip
-        click(tab, "[data-begin=corridor]")
+        click(tab, "[data-doing=corridor]")
         tab.until(f"/corridor/.test({captions})", 5.0 * PATIENCE_S)
         assert "stays inside its fence" in said(tab)
         set_value(tab, "wind.speed_mps", 3.0)

@@ -31,8 +31,8 @@ def test_a_page_begins_with_the_flights_of_its_scenario(name):
     ("key", "value", "changes"),
     [
         ("flight.V_a_mps", 27.0, {"flight.V_a_mps": 27.0}),
-        ("limits.phi_deg", 30.0, {"limits.phi_deg": [-30.0, 30.0]}),
-        ("limits.n_z", 1.5, {"limits.n_z": [-2.1, 1.5]}),
+        ("limits.phi_deg[1]", 30.0, {"limits.phi_deg": [-45.0, 30.0]}),
+        ("limits.n_z[1]", 1.5, {"limits.n_z": [-2.1, 1.5]}),
         ("limits.phi_rate_dps", 20.0, {"limits.phi_rate_dps": 20.0}),
         ("wind.speed_mps", 4.0, {"wind.speed_mps": 4.0, "wind.from_deg": 270.0}),
         ("turbulence.intensity", "light", {"turbulence.intensity": "light"}),
@@ -71,14 +71,15 @@ def test_without_limits_those_of_the_aircraft_are_flown_and_have_sliders():
     table = tomllib.loads(aircraft_folders()["aerosonde"].joinpath("aircraft.toml").read_text())
     own, begins = table["limits"], {x.key: x.value for x in every if x.table == "limits"}
     assert begins == {
-        "limits.phi_deg": own["phi_deg"][1],
+        "limits.phi_deg[0]": own["phi_deg"][0],
+        "limits.phi_deg[1]": own["phi_deg"][1],
         "limits.phi_rate_dps": own["phi_rate_dps"],
-        "limits.n_z": own["n_z"][1],
+        "limits.n_z[1]": own["n_z"][1],
         "limits.n_z_rate_per_s": own["n_z_rate_per_s"],
     }
     (by_page,), (flown, _) = ft.fly(scenario).runs, ft.fly(stated).runs
     assert by_page.signals.equals(flown.signals)
-    moved = sliders.moved(scenario, every, {"limits.n_z": 1.5}).limits
+    moved = sliders.moved(scenario, every, {"limits.n_z[1]": 1.5}).limits
     assert (moved.n_z, moved.phi_deg) == ((own["n_z"][0], 1.5), tuple(own["phi_deg"]))
 
 
@@ -91,18 +92,19 @@ def test_a_choice_that_is_none_takes_the_table_away():
 @pytest.mark.parametrize(
     ("values", "what"),
     [
-        ({"flight.V_a_mps": "25"}, "must be a number, got 25"),
-        ({"flight.V_a_mps": float("nan")}, "must be a number, got nan"),
-        ({"flight.V_a_mps": True}, "must be a number, got True"),
-        ({"flight.V_a_mps": 1e9}, "must be a number, got 1000000000.0"),
-        ({"turbulence.intensity": "mighty"}, "must be one of none, light, moderate, severe"),
+        ({"flight.V_a_mps": "25"}, "`V_a_mps` must be a valid number, got '25'"),
+        ({"flight.V_a_mps": float("nan")}, "`V_a_mps` must be a finite number, got nan"),
+        ({"flight.V_a_mps": True}, "`V_a_mps` must be a valid number, got True"),
+        ({"flight.V_a_mps": 10**400}, "`V_a_mps` must be a valid number"),
+        ({"flight.V_a_mps": 1e9}, "`V_a_mps` must be less than or equal to 1000"),
+        ({"limits.phi_deg[1]": "30"}, "`phi_deg` must be"),
+        ({"turbulence.intensity": "mighty"}, "must be 'light', 'moderate' or 'severe', got 'mig"),
         ({"plant[0].module": "law.py"}, "must be a slider of the page"),
     ],
 )
 def test_a_value_that_no_slider_has_is_refused(values, what):
-    _, every = page_of("level_turn")
-    with pytest.raises(ft.InputError, match=what):
-        sliders.checked(every, values)
+    with pytest.raises(ft.FlightTuneError, match=what):
+        sliders.moved(*page_of("level_turn"), values)
 
 
 @pytest.mark.parametrize("name", ["paper", "exact_law"])
