@@ -12,6 +12,7 @@ from made_up_band import about_of, band_flights
 from scipy.stats import binomtest
 
 import flighttune as ft
+from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.counted_flights import check_one_path, plan_of
 from flighttune.routes import maps
 from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
@@ -503,6 +504,16 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
 
     with pytest.raises(ft.InputError, match=r"one path .*draw 10"):
         check_one_path(plan_of(moved), moved.draws.tolist())
+
+
+def test_draws_of_the_wind_alone_have_one_path(band, monkeypatch):
+    wind = {"distribution": "uniform", "lower": 0.0, "upper": 2.0}
+    plan = json.loads(json.dumps(band.about.plan))
+    plan["campaign"]["disperse"] = [{"key": f"wind.{x}", **wind} for x in ("speed_mps", "from_deg")]
+    windy = plan_of(replace(band, about=replace(band.about, plan=plan)))
+    monkeypatch.setattr(Plan, "scenario_of", None)
+
+    check_one_path(windy, band.draws.tolist())
 
 
 def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):

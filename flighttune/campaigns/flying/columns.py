@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import pyarrow as pa
@@ -58,6 +59,7 @@ def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
     return pa.Table.from_pylist(sorted(rows, key=lambda row: row["run"]), schema=row_schema(plan))
 
 
+@lru_cache(maxsize=32)  # making it takes as long as the compiled flight of a row
 def row_schema(plan: Plan) -> pa.Schema:
     """The schema of the rows of a plan; a field has its ``unit`` as metadata."""
     required = required_names([table.model_dump() for table in plan.scenario.expect])

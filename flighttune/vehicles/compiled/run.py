@@ -25,7 +25,7 @@ from flighttune.vehicles.compiled.turbulence import total_wind
 from flighttune.vehicles.compiled.vectors import Matrix, Vector, add
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a key of caches
 class Model:
     """An aircraft as one step flies it."""
 

@@ -3,9 +3,9 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
-from typing import TypeAlias
-from xml.etree.ElementTree import Element
+from typing import NamedTuple, TypeAlias
 
 from flighttune.vehicles.compiled import turbulence
 from flighttune.vehicles.compiled.atmosphere import pressures
@@ -21,7 +21,6 @@ from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, 
 from flighttune.vehicles.compiled.functions import is_number
 from flighttune.vehicles.compiled.integrators import Integrator, integrators_of
 from flighttune.vehicles.compiled.motion import (
-    STEPS,
     Motion,
     acceleration_before,
     motion_reader,
@@ -94,7 +93,7 @@ def start_values(
             commands[1](1.0 + min(high - 1.0, 1.0 - low) * swing)
         if k:
             fdm.run()
-        if k <= STEPS:  # `more` continues from here
+        if k <= _FEW:
             motions.append(motion())
         rows.append({name: value() for name, value in read.items()})
     for name, count in delays.items():
@@ -107,12 +106,7 @@ def start_values(
     for part, last in zip(integrators, sums, strict=True):
         values[f"_sum:{part.name}"] = part.settled(rows, last, dt)
 
-    def more() -> Motion:
-        # The gains are zero now, but the attitude still follows the rates that are shown.
-        fdm.run()
-        return motion()
-
-    q = quaternion_from(motions, dt, more)
+    q = quaternion_from(*fdm.attitude, motions, dt)
     values |= dict(zip(QUATERNION, q, strict=True))
     values |= dict(zip(QUATERNION_RATE, quaternion_rate(q, motions[0].rates), strict=True))
     return values | dict(zip(ACCELERATION_1, acceleration_before(motions, dt), strict=True))
@@ -193,22 +187,17 @@ class _Start:
     def __init__(self, fdm: Fdm, model: Model, numbers: Mapping[str, float]) -> None:
         self._fdm, self._model = fdm, model
         self._numbers = numbers
-        self._declared = {
-            (part.text or "").strip(): float(value)
-            for part in model.root.iter("property")
-            if is_number(value := part.get("value", "0"))
-        }
+        self._declared = _declared(model)
         self.hidden: Values = _rigid_body(fdm) | _inertia(fdm) | turbulence.AT_REST
         self.hidden |= pressures(self["atmosphere/P-sl-psf"], self["atmosphere/delta-T"])
         self.hidden["_lift"] = fdm.reader("forces/fwz-aero-lbs")()
         for engine in model.engines:
             self.hidden |= self._engine(engine)
-        for n, channel in enumerate(channels_of(model.root)):
-            # The start is the end of a sample.
-            self.hidden[f"_frames{n}"] = float(execution_rate(channel))
-            self._dt = model.dt * execution_rate(channel)
-            for element in channel:
-                self.hidden |= self._component(element)
+        rates, components = _components(model)
+        # The start is the end of a sample.
+        self.hidden |= {f"_frames{n}": float(rate) for n, rate in enumerate(rates)}
+        for part in components:
+            self.hidden |= self._component(part)
 
     def __getitem__(self, name: str) -> float:
         if name in self.hidden:
@@ -228,23 +217,18 @@ class _Start:
             return float(text)
         return -self[text[1:]] if text.startswith("-") else self[text]
 
-    def _component(self, element: Element) -> Values:
-        sources, name = inputs_of(element), name_of(element)
-        kind = element.tag
-        if not element.get("name") or not (sources or kind == "switch"):
-            return {}
-        if kind == "actuator":
-            return self._actuator(element, self._value(sources[0]))
-        if kind in ("pid", "integrator"):
+    def _component(self, part: "_Component") -> Values:
+        name, x = part.name, self._value(part.source) if part.source else 0.0
+        if part.kind == "actuator":
+            return self._actuator(part, x)
+        if part.kind in ("sensor", "switch"):
+            return self._late(part, x)
+        y = self[name]
+        past = {f"_in:{name}": x, f"_in2:{name}": x}
+        if part.kind in ("pid", "integrator"):
             # The sum of an <integrator> is its output; the sum of a <pid> is found later.
-            x, y = self._value(sources[0]), self[name]
-            return {f"_in:{name}": x, f"_in2:{name}": x, f"_sum:{name}": y}
-        if kind in FILTERS:
-            x, y = self._value(sources[0]), self[name]
-            return {f"_in:{name}": x, f"_in2:{name}": x, f"_out:{name}": y, f"_out2:{name}": y}
-        if kind in ("sensor", "switch"):
-            return self._late(element, self._value(sources[0]) if kind == "sensor" else 0.0)
-        return {}
+            return past | {f"_sum:{name}": y}
+        return past | {f"_out:{name}": y, f"_out2:{name}": y}
 
     def _engine(self, engine: EngineFile) -> Values:
         n, at = engine.number, engine.at
@@ -268,23 +252,68 @@ class _Start:
         speed = int(self[f"{engine.at}/boost-speed"])
         return ((charger.multiples[speed] - 1) / charger.speeds[speed]) * rpm + 1
 
-    def _actuator(self, element: Element, x: float) -> Values:
+    def _actuator(self, part: "_Component", x: float) -> Values:
         # During the trim the output of lag and rate limit equals the input; a clip gives its bound.
-        name = name_of(element)
-        y, clip = self[name], element.find("clipto")
-        bounds = [] if clip is None else [self._value(end.text or "") for end in clip]
-        y = x if y in bounds or _changes_more(element) else y
+        name = part.name
+        y, bounds = self[name], map(self._value, part.clip)
+        y = x if part.more or y in bounds else y
         past = {f"_{kind}:{name}": y for kind in ("lag-out", "rate", "hysteresis")}
-        return self._late(element, x) | past
+        return self._late(part, x) | past
 
-    def _late(self, element: Element, x: float) -> Values:
+    def _late(self, part: "_Component", x: float) -> Values:
         """A lag and a delay in the steady state of the input `x`."""
-        name = name_of(element)
-        y = self[name]
-        runs = delay_of(element, self._dt)
-        late = {f"_delay{k}:{name}": y for k in range(1, runs + 1)}
-        last = x if _changes_more(element) else y
-        return {f"_lag-in:{name}": x, f"_lag-out:{name}": last, **late}
+        name, y = part.name, self[part.name]
+        late = {f"_delay{k}:{name}": y for k in range(1, part.runs + 1)}
+        return {f"_lag-in:{name}": x, f"_lag-out:{name}": x if part.more else y, **late}
+
+
+class _Component(NamedTuple):
+    """A component with a past."""
+
+    kind: str
+    name: str
+    source: str
+    runs: int  # by which its output is late
+    more: bool  # whether it does more than a lag, so that its output differs from its lag's
+    clip: tuple[str, ...]
+
+
+_WITH_PAST = {"actuator", "pid", "integrator", "sensor", *FILTERS}
+_MORE = "gain", "bias", "deadband_width", "hysteresis_width", "quantization"
+
+
+@lru_cache(maxsize=32)  # a start reads the numbers alone
+def _components(model: Model) -> tuple[list[int], list[_Component]]:
+    """Execution rates of the channels, and the components with a past in all of them."""
+    channels = channels_of(model.root)
+    rates = list(map(execution_rate, channels))
+    found = []
+    for rate, channel in zip(rates, channels, strict=True):
+        for element in filter(lambda part: part.get("name"), channel):
+            sources, kind, clip = inputs_of(element), element.tag, element.find("clipto")
+            if kind != "switch" and not (kind in _WITH_PAST and sources):
+                continue
+            found.append(
+                _Component(
+                    kind,
+                    name_of(element),
+                    "" if kind == "switch" else sources[0],
+                    delay_of(element, model.dt * rate),
+                    any(element.find(tag) is not None for tag in _MORE),
+                    () if clip is None else tuple(end.text or "" for end in clip),
+                )
+            )
+    return rates, found
+
+
+@lru_cache(maxsize=32)
+def _declared(model: Model) -> Values:
+    """Properties that the files declare, with their values."""
+    return {
+        (part.text or "").strip(): float(value)
+        for part in model.root.iter("property")
+        if is_number(value := part.get("value", "0"))
+    }
 
 
 def _rigid_body(fdm: Fdm) -> Values:
@@ -317,9 +346,3 @@ def _inertia(fdm: Fdm) -> Values:
     J = [[xx, -xy, xz], [-xy, yy, -yz], [xz, -yz, zz]]
     entries = [x for matrix in (J, inverse_inertia(J)) for row in matrix for x in row]
     return dict(zip((*INERTIA, *INVERSE_INERTIA), map(float, entries), strict=True))
-
-
-def _changes_more(element: Element) -> bool:
-    """Whether a component does more than a lag, so that its output differs from its lag's."""
-    parts = "gain", "bias", "deadband_width", "hysteresis_width", "quantization"
-    return any(element.find(tag) is not None for tag in parts)

@@ -91,6 +91,25 @@ def normalized(q: Vector) -> Vector:
     return [select(keep, x, x * inverse) for x in q]
 
 
+def quaternion_by(phi: float, theta: float, psi: float) -> Vector:
+    """The quaternion of roll, pitch attitude and heading (rad)."""
+    sines, cosines = ([of(0.5 * x) for x in (phi, theta, psi)] for of in (math.sin, math.cos))
+    (s_phi, s_theta, s_psi), (c_phi, c_theta, c_psi) = sines, cosines
+    cc, cs, ss, sc = c_phi * c_theta, c_phi * s_theta, s_phi * s_theta, s_phi * c_theta
+    q = cc * c_psi + ss * s_psi, sc * c_psi - cs * s_psi
+    return normalized((*q, cs * c_psi + sc * s_psi, cc * s_psi - ss * c_psi))
+
+
+def quaternion_product(a: Vector, b: Vector) -> Vector:
+    """The rotation `a`, then `b`."""
+    return [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+
+
 def matrix_of(q: Vector) -> Matrix:
     """The rotation of a quaternion."""
     a, b, c, d = q

@@ -14,6 +14,7 @@ from flighttune.flight.loop import aircraft, loop
 from flighttune.flight.loop.aircraft import CompiledAircraft
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.compiled import motion
+from flighttune.vehicles.compiled.face import compiled as compiled_step
 
 pytest.importorskip("numba")
 
@@ -213,7 +214,8 @@ def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
 
 
 def test_a_flight_whose_hidden_start_is_not_found_is_flown_by_jsbsim(monkeypatch):
-    monkeypatch.setattr(motion, "_NEAR", ())
+    compiled_step(load_aircraft("aerosonde"))  # its check flight starts, too
+    monkeypatch.setattr(motion, "_AT_START", np.eye(3).tolist())
 
     compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=1.0))
 

@@ -70,10 +70,12 @@ class Bench:
         self._evaluations = MAX_EVALUATIONS if fdm.own_flight_control else 1
         fdm.writer(properties.ENGAGED)(0.0)
         fdm.writer("ic/h-sl-ft")((h - fdm.ground) / FT)
+        angles = [f"ic/{name}-rad" for name in ("phi", "theta", "psi-true")]
+        self._angles = list(map(fdm.reader, angles))
         # The velocity comes first: JSBSim keeps what was set last when attitudes follow.
         self._state = [
             *(fdm.writer(f"ic/{axis}-fps") for axis in "uvw"),
-            *(fdm.writer(f"ic/{name}-rad") for name in ("phi", "theta", "psi-true")),
+            *map(fdm.writer, angles),
             *(fdm.writer(f"ic/{axis}-rad_sec") for axis in "pqr"),
             *(fdm.writer(name) for name in properties.TRIMS),
         ]
@@ -94,6 +96,8 @@ class Bench:
         u, v, w = (component / FT for component in state.velocity)
         # JSBSim takes headings from 0 to 2 pi only.
         motion = state.phi, state.theta, state.psi % math.tau, state.p, state.q, state.r
+        phi, theta, psi = self._angles
+        self.fdm.attitude = (phi(), theta(), psi()), motion[:3]
         controls = state.aileron, state.elevator, state.rudder, state.throttle
         for write, value in zip(self._state, (u, v, w, *motion, *controls), strict=True):
             write(value)

@@ -6,7 +6,7 @@ import re
 import threading
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import jsbsim
 import numpy as np
@@ -84,6 +84,9 @@ def silence() -> QuietLogger:
     return _LOGGER
 
 
+# Roll, pitch attitude and heading, rad
+Angles: TypeAlias = tuple[float, float, float]
+
 # ICAO standard atmosphere: K/m, K, Pa and g/(R L).
 LAPSE_RATE = 0.0065
 SEA_LEVEL_TEMPERATURE = 288.15
@@ -145,9 +148,16 @@ class Fdm:
     # `steps` is the number of integration steps in one sample of the inner loop's computer.
     # JSBSim's sea level is laid at the `ground` (m above sea level), with the air of that height:
     # turbulence of JSBSim, which takes heights above sea level for heights above ground, is then
-    # right.
-    def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
-        self.files = files = model_files.unchanged(config)
+    # right. `files` are those of the aircraft, by default looked at again.
+    def __init__(
+        self,
+        config: AircraftConfig,
+        *,
+        steps: int = 1,
+        ground: float = 0.0,
+        files: model_files.Unchanged | None = None,
+    ) -> None:
+        self.files = files = files or model_files.unchanged(config)
         model_files.check_loads(files)
         self.config, self._model = config, model_files.folders_of(files).file
         # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
@@ -164,6 +174,8 @@ class Fdm:
         self._searches = not self.electric
         self.ground = ground
         self.steps = steps
+        # Roll, pitch and heading (rad) of `ic/` before a bench wrote the last ones, and those.
+        self.attitude: tuple[Angles, Angles] = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         self.rate = config.inner_loop_rate * steps  # integration steps a second
         silence()
         self._exec = jsbsim.FGFDMExec(str(config.folder))

@@ -207,9 +207,9 @@ def has_engine(unchanged: Unchanged, tags: tuple[str, ...]) -> bool:
     return any(read_xml(file, str(file)).tag in tags for file in model_files(unchanged.config))
 
 
-def model_hash(config: AircraftConfig) -> str:
+def model_hash(config: AircraftConfig, files: Unchanged | None = None) -> str:
     """Hash of an aircraft's model, and of what its file says about surfaces and engines."""
-    return _hash(unchanged(config))
+    return _hash(files or unchanged(config))
 
 
 @lru_cache(maxsize=256)

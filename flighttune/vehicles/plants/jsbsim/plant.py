@@ -25,6 +25,7 @@ from flighttune.vehicles.plants.jsbsim import properties
 
 if TYPE_CHECKING:
     from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+    from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
     from flighttune.vehicles.plants.sensors import DrawnErrors
     from flighttune.vehicles.plants.weather import Weather
 
@@ -183,12 +184,14 @@ class JSBSimPlant:
         """
         from flighttune.vehicles.plants.jsbsim import air, bench, signals, trim
         from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+        from flighttune.vehicles.plants.jsbsim.model_files import unchanged
 
         # A start that fails must not leave the plant of an earlier flight behind.
         self._observe = self._write_phi_cmd = _not_started
-        settings = inner_loop_settings(self.config)  # refuses gains of another model
+        files = unchanged(self.config)  # looking at them takes as long as ten evaluations
+        settings = inner_loop_settings(self.config, files)  # refuses gains of another model
         bench.check_moves(self.config)
-        self.fdm = fdm = Fdm(self.config, steps=self.steps, ground=self._ground)
+        self.fdm = fdm = Fdm(self.config, steps=self.steps, ground=self._ground, files=files)
         fdm.writer("simulation/randomseed")(float(self.seed))
         for name, value in settings.items():
             fdm.writer(name)(value)
@@ -411,14 +414,14 @@ def _sensed(
     return flown().__next__
 
 
-def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
+def inner_loop_settings(config: AircraftConfig, files: Unchanged | None = None) -> dict[str, float]:
     """Limits and gains of an aircraft's inner loop by JSBSim property, in rad, s and 1."""
     from flighttune.vehicles.plants.jsbsim.model_files import model_hash
 
     file = config.folder / GAINS_FILE
     if config.gains is None:
         raise PlantError(f"{file}: must be there; `flighttune design` writes it.")
-    if config.gains.made_for != model_hash(config):
+    if config.gains.made_for != model_hash(config, files):
         raise PlantError(
             f"{file}: must be made for the model, `[surfaces]`, `[engines]` and `[settings]` "
             "there are, got gains for others; `flighttune design` makes them anew."

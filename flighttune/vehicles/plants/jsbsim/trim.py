@@ -17,7 +17,7 @@ from flighttune.vehicles.aircraft.aircraft import AircraftConfig, start_faults
 from flighttune.vehicles.plants.base import FlightCondition
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
-from flighttune.vehicles.plants.jsbsim.model_files import Unchanged, unchanged
+from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 
 # Share by which a step must reduce the residual, and share to which it must for its slopes to be
 # used again.
@@ -191,24 +191,32 @@ def trim(fdm: Fdm, condition: FlightCondition) -> AirframeState:
         return problem.state(problem.steady())
     # The search is on an aircraft of its own, and only its answer is set here: the last digits of a
     # thrust depend on the throttles before it, and must not depend on whether a search was needed.
-    key = unchanged(config, config.model_dump_json(), repr(config.off_nominal))
-    x = np.array(_found(key, condition, fdm.steps, fdm.ground))
+    x = np.array(_found(fdm.files, _stated_in(config), condition, fdm.steps, fdm.ground))
     problem.check(x)
     return problem.state(x)
 
 
 @lru_cache(maxsize=64)
 def _found(
-    files: Unchanged, condition: FlightCondition, steps: int, ground: float
+    files: Unchanged,
+    _stated: tuple[str, str],
+    condition: FlightCondition,
+    steps: int,
+    ground: float,
 ) -> tuple[float, ...]:
     config, near = files.config, None
     if config.off_nominal is not None:  # the engine then settles a third as often
         nominal = config.with_off_nominal(None)
-        key = unchanged(nominal, nominal.model_dump_json(), repr(None))
+        of_nominal = Unchanged(nominal, files.key), _stated_in(nominal)
         with suppress(InputError, PlantError):
-            near = np.array(_found(key, replace(condition, chi=0.0), steps, ground))
-    problem = _TrimProblem(Fdm(config, steps=steps, ground=ground), condition)
-    return tuple(problem.steady(near=near).tolist())
+            near = np.array(_found(*of_nominal, replace(condition, chi=0.0), steps, ground))
+    fdm = Fdm(config, steps=steps, ground=ground, files=files)
+    return tuple(_TrimProblem(fdm, condition).steady(near=near).tolist())
+
+
+def _stated_in(config: AircraftConfig) -> tuple[str, str]:
+    """All that a trim depends on beside the files of the model."""
+    return config.model_dump_json(), repr(config.off_nominal)
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
