@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from places import SHIPPED_AIRCRAFT
+from places import ROOT, SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.vehicles.aircraft.aircraft import property_name
@@ -40,6 +40,17 @@ def test_the_nearest_place_counts(places):
     shutil.rmtree(here)
     shutil.rmtree(own)
     assert config_of("aerosonde").folder == SHIPPED_AIRCRAFT / "aerosonde"
+
+
+def test_an_aircraft_is_found_in_the_folder_beside_the_scenario_from_anywhere(places, tmp_path):
+    project = tmp_path / "project"
+    copied(project / "aircraft", "mine")
+    text = (ROOT / "scenarios/paper.toml").read_text().replace('"aerosonde"', '"mine"')
+    (project / "turn.toml").write_text(text)
+
+    plant = next(x for x in ft.load_scenario(project / "turn.toml").plant if x.aircraft)
+
+    assert plant.config.folder == project / "aircraft" / "mine"
 
 
 @pytest.mark.parametrize("name", ["yours", "", "..", __file__])

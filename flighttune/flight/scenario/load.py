@@ -264,15 +264,23 @@ def gain_entries(entries: Any, folder: Path) -> Any:
 
 
 def _name_beside(table: dict[str, Any], key: str, folder: Path) -> None:
-    """Replace the name of an aircraft or model file in `folder` by its path."""
+    """Replace the name of an aircraft or model file beside a scenario by its path.
+
+    An aircraft is in the scenario's `folder` or in its folder ``aircraft``; that of the working
+    directory is one of `flighttune.base.files.shipped.aircraft_places`.
+    """
     name = table.get(key)
     if not isinstance(name, str):
         return
-    beside = folder / name
-    model = name.endswith(".json") and os.path.isfile(beside)
-    if model or os.path.isfile(beside / "aircraft.toml"):
-        # A path without a separator means the name of an aircraft.
-        table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
+    places = [folder / name]
+    if folder != Path() and Path(name).name == name:
+        places.append(folder / "aircraft" / name)
+    for beside in places:
+        model = name.endswith(".json") and os.path.isfile(beside)
+        if model or os.path.isfile(beside / "aircraft.toml"):
+            # A path without a separator means the name of an aircraft.
+            table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
+            return
 
 
 def with_code(tables: dict[str, Any], path: Path) -> dict[str, Any]:
