@@ -63,10 +63,11 @@ def meet(search: Verb, scenario: str, page: Path | None, out: Path | None) -> An
     """Find gains with which flights of SCENARIO meet its [[expect]], by flying candidates.
 
     Exit status 1 if none are found; the nearest are printed. --with FILE searches the parameters of
-    PX4 or ArduPilot instead, and writes none that are worse; after a kill the same command goes on.
+    PX4 or ArduPilot instead, and writes none that are worse. After a kill the same command goes on.
     """
+    search = partial(search, kept=kept_flights(scenario, "searched"))
     if search.keywords.get("autopilot") is not None:
-        return retune(partial(search, kept=kept_flights(scenario, "searched")), page, out)
+        return retune(search, page, out)
     check_ending(out, ".json")
     meeting = search()
     answer = replace(meeting.answer(), files={"out": out, "page": page})

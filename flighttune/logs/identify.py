@@ -116,6 +116,14 @@ class LogIdentification(Drawn):
         first, *others = self.names
         return f"{first} and {len(others)} more" if others else first
 
+    @property
+    def missing(self) -> str:
+        """Why there is no model, and the remedy; empty with a model."""
+        if self.identified is not None:
+            return ""
+        name, reason = next(iter(self.untold.items()))
+        return f"{reason}; assume its bandwidth, --assume {name}=RAD_S, or give logs that show it"
+
     def save(self, path: str | Path | None = None) -> dict[str, Path | None]:
         """Write model and figure, by default to ``runs/identified``; nothing without a model."""
         if self.identified is None:

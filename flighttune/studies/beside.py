@@ -13,7 +13,7 @@ from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
-from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.units import DEG_PER_RAD, RadiansPerSecond
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.kept import KeptRows
@@ -45,6 +45,7 @@ from flighttune.logs.parameters import Flown, flown_now
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.items import SETS_AIRSPEED
 from flighttune.routes.mission import ROUTE_FILES
+from flighttune.studies.log_aircraft import aircraft_of
 
 # Epsilon and confidence of the bounds on errors.
 EPSILON, CONFIDENCE = 0.05, 0.95
@@ -202,7 +203,7 @@ def compare(
 
 
 @code.flies
-def compare(  # type: ignore[misc]
+def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has a default
     a: Flights | Scenario | Campaign | Plan | Runs | str | Path,
     *others: str | Path | Runs,
     columns: Columns = (),
@@ -211,6 +212,7 @@ def compare(  # type: ignore[misc]
     log: str | None = None,
     flights: int | None = None,
     aircraft: str | None = None,
+    assume: Mapping[str, RadiansPerSecond] | None = None,
     like: str | None = None,
     navigation: Knowledge | None = None,
     seed: int | None = None,
@@ -244,9 +246,7 @@ def compare(  # type: ignore[misc]
         of it in s.
     flights : int, optional
         Number of draws to fly with both, by default 93.
-    aircraft : str, optional
-        Aircraft that flies a mission, or file of an identified model (.json), which flies as its
-        lags, by default aerosonde.
+    aircraft, assume : as for `meet`
     seed, changes, workers, scheduler, observer : as for `band`
     like, navigation : as for `mission`
     kept : str or Path, optional
@@ -277,7 +277,7 @@ def compare(  # type: ignore[misc]
     fliers, of_flights = Fliers(**by), {"aircraft": aircraft, "like": like, "changes": changes}
     if autopilot is None:
         options = {"version": version, "log": log, "flights": flights, "seed": seed}
-        options |= {"navigation": navigation, "kept": kept}
+        options |= {"navigation": navigation, "kept": kept, "assume": assume}
         for name, value in (of_flights | options).items():
             if value not in (None, False, {}):
                 raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
@@ -288,6 +288,7 @@ def compare(  # type: ignore[misc]
         raise InputError("`autopilot` must be compared with one source of flights, got runs.")
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
+    of_flights["aircraft"], lags = aircraft_of(aircraft, columns, assume)
     stated = flights_of_source(place, **of_flights).knowing(navigation)
     plan = counting.drawn(stated, gains=gains or None).with_seed(seed)
     check_one_airspeed(str(stated.place), plan.scenario)
@@ -309,7 +310,7 @@ def compare(  # type: ignore[misc]
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
     tracking = tracking_of(logged, frame)
-    notes = [*lags_alone(plan), *notes, *within_flights(tracking)]
+    notes = [*lags, *lags_alone(plan), *notes, *within_flights(tracking)]
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
 

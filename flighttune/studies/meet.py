@@ -16,8 +16,9 @@ from scipy.optimize import linprog
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
-from flighttune.base.units import DEG
+from flighttune.base.units import DEG, RadiansPerSecond
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import measured_in
 from flighttune.campaigns.flying.rows import Row
@@ -42,6 +43,8 @@ from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_
 from flighttune.flight.metrics import AIRSPEED, OFF_ROUTE, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.logs.log import Columns
+from flighttune.studies.log_aircraft import aircraft_of
 from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
 from flighttune.studies.retune import Counts, Retuned, retune
 from flighttune.vehicles.plant_keys import flown_aircraft
@@ -156,14 +159,14 @@ class Problem:
         """Campaign of each scenario."""
         return [flights_to_meet(x, self.law_table, dispersed) for x in self.scenarios]
 
-    def search(self, pool: WorkerPool, metric: str) -> "Search":
+    def search(self, kept: KeptRows, metric: str) -> "Search":
         """A search on draws of another seed than those of the count."""
         if (counted := self.dispersed) is None:
-            return Search(self.flights(None), self.law_table.law, pool, metric=metric)
+            return Search(self.flights(None), self.law_table.law, kept, metric=metric)
         seen = counted.model_copy(update={"design": "random", "seed": counted.seed + 1})
         drawn = self.flights(seen)
         options = {"draws": whole_cycles(drawn[0], DRAWS), "success": self.success}
-        return Search(drawn, self.law_table.law, pool, metric=metric, **options)
+        return Search(drawn, self.law_table.law, kept, metric=metric, **options)
 
     @property
     def fresh(self) -> int:
@@ -184,7 +187,7 @@ class Search:
         self,
         campaigns: Sequence[Campaign],
         law: Law,
-        pool: WorkerPool,
+        kept: KeptRows,
         *,
         metric: str = ITAE,
         draws: int = 1,
@@ -199,7 +202,7 @@ class Search:
         self._R_K: dict[PIGains, float] = {}
         self.trials: dict[PIGains, Trial] = {}
         self._rows: dict[PIGains, list[list[Row]]] = {}  # of calls of `fly` with `draws`
-        self.campaigns, self.law, self.pool, self.metric = campaigns, law, pool, metric
+        self.campaigns, self.law, self.kept, self.metric = campaigns, law, kept, metric
         self.draws, self._success = draws, success
         scenarios = [campaign.nominal for campaign in campaigns]
         self._required = list(map(_required, scenarios))
@@ -275,7 +278,7 @@ class Search:
         drawn = [{SEED: plan.scenario.seed}] if self.draws == 1 else None
         runs = range(draws.start * len(plan.groups), draws.stop * len(plan.groups))
         self.flights += len(runs)
-        rows = self.pool.in_order(plan, runs, doing="searching", draws=drawn)
+        rows = self.kept.flown(plan, {}, runs, draws=drawn, doing="searching")
         return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
@@ -524,7 +527,9 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     version: str | None = None,
     log: str | None = None,
     flights: int | None = None,
+    columns: Columns = (),
     aircraft: str | None = None,
+    assume: Mapping[str, RadiansPerSecond] | None = None,
     like: str | None = None,
     changes: Mapping[str, Any] | None = None,
     kept: str | Path | None = None,
@@ -578,15 +583,20 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
         LOG@START:END for a part of it in s.
     flights : int, optional
         Fresh draws on which the parameters of the file and those found are counted, by default 93.
+    columns : mapping or sequence
+        Columns of the signals in a log, as for `load_log`.
     aircraft : str, optional
-        Aircraft that flies a mission, or file of an identified model (.json), which flies as its
-        lags, by default aerosonde.
+        Aircraft that flies a mission, or file of an identified model (.json) or log of an aircraft
+        (.ulg, .bin, .tlog, .csv), which flies as its lags, by default aerosonde. The model of a log
+        is written to runs/identified.
+    assume : mapping of str to float, rad/s
+        Bandwidth of a first-order lag of ``phi`` or ``n_z`` if the log of the aircraft cannot
+        identify it.
     like : as for `mission`
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     kept : str or Path, optional
-        With `autopilot`: file for the flights while they are flown: after a kill the same call goes
-        on.
+        File for the flights while they are flown: after a kill the same call goes on.
     workers : int, optional
         Processes that fly on this machine, by default one per core; the gains found do not depend
         on them.
@@ -616,16 +626,19 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     >>> meeting.status, meeting.start_met, meeting.gains.K_P.shape
     ('met', True, (2, 2))
     """
-    fliers = Fliers(**by)
+    fliers, file = Fliers(**by), None if kept is None else Path(kept)
     check_at_least(1, budget=budget)
     of_flights = {"aircraft": aircraft, "like": like}
-    of_file = {"version": version, "log": log, "flights": flights, "kept": kept}
+    of_file = {"version": version, "log": log, "flights": flights}
+    of_file |= {"columns": columns, "assume": assume}
     of_gains = {"also": also, "start": start, "campaign": campaign, "success": success}
     if autopilot is not None:
         _absent(of_gains | {"until_sure": until_sure}, "with the parameters of an autopilot")
-        stated = flights_of_source(scenario, **of_flights, changes=changes).knowing(navigation)
-        counts = Counts(budget or BUDGET, flights, log, None if kept is None else Path(kept))
-        return retune(stated, Path(autopilot), version, counts, fliers)
+        flown, lags = aircraft_of(aircraft, columns, assume)
+        stated = flights_of_source(scenario, aircraft=flown, like=like, changes=changes)
+        counts = Counts(budget or BUDGET, flights, log, columns, file)
+        found = retune(stated.knowing(navigation), Path(autopilot), version, counts, fliers)
+        return replace(found, notes=(*lags, *found.notes))
     _absent(of_file | of_flights, "without the parameters of an autopilot")
     if not isinstance(scenario, Scenario | str | Path):
         raise InputError(f"`scenario` must be a scenario, got a {type(scenario).__name__}.")
@@ -646,11 +659,14 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     )
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
     with WorkerPool(fliers) as pool:
-        pool.progress.budget = budget
-        search = problem.search(pool, metric)
+        rows = KeptRows(file, {"searched": "gains"}, pool)
+        pool.progress.budget = budget - len(rows)
+        search = problem.search(rows, metric)
         if not (starts := starts or starting_gains(first, search.law)):
             raise InputError("`start` must be given: no gains could be tuned to start from.")
-        return _meet(problem, starts, notes, search, budget)
+        meeting = _meet(problem, starts, notes, search, budget)
+        rows.remove()
+        return meeting
 
 
 def _meet(
@@ -672,7 +688,7 @@ def _meet(
     # On a campaign, margins beyond `WANTED` have no worth: other measures would pay for them.
     if problem.dispersed is None or trials[met].worst.max() > -WANTED:
         search.search([*starts.values()], budget - counting)
-    best = search.best()
+    best, progress = search.best(), search.kept.pool.progress
     count = _counted(problem, best, trials[first], search)
     assumed = [*dict.fromkeys(x for scenario in scenarios for x in scenario.assumptions)]
     on_draws = problem.dispersed is not None
@@ -707,8 +723,8 @@ def _meet(
             *_off_route(scenarios, count.nearest),
             *(() if on_draws else count.nearest.held),
         ),
-        endings=search.pool.progress.endings,
-        compiled=search.pool.progress.compiled,
+        endings=progress.endings,
+        compiled=progress.compiled,
     )
 
 
@@ -728,7 +744,7 @@ def _counted(problem: Problem, best: Trial, start: Trial, search: Search) -> Cou
     if (dispersed := problem.dispersed) is None:
         return CountedTrials(best, start, MET[best.met], start.met)
     drawn = problem.flights(at_random(dispersed) if problem.until_sure else dispersed)
-    count = Search(drawn, search.law, search.pool, draws=problem.fresh, success=problem.success)
+    count = Search(drawn, search.law, search.kept, draws=problem.fresh, success=problem.success)
     sets = best.gains, start.gains
     (nearest, of_start), counted = _count(count, sets, problem.success, problem.until_sure)
     status, start_status = counted.pop("statuses")

@@ -33,6 +33,7 @@ from flighttune.control.margins import Margins
 from flighttune.flight import conditions
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.logs.log import Columns
 from flighttune.logs.parameter_file import changed_text, new_text, number_text
 from flighttune.logs.parameters import Flown, flown_now
 from flighttune.studies.beside import (
@@ -55,14 +56,15 @@ from flighttune.studies.beside import (
 
 TUNED = "tuned"
 
-# Root mean squares of these signals are bounded by those of the start, and the cost of a flight is
-# their sum, each times its weight. The course costs nothing, but a guidance that swings about its
-# track may not pay with it.
+# Root mean squares of signals, and the largest error of airspeed, are bounded by those of the
+# start, and the cost of a flight is their sum, each times its weight. Course and largest error cost
+# nothing, but neither a swing about the track nor a stall may pay for the others.
 WEIGHTS = {
     "cross track": (1.0, "m"),
     "height": (1.0, "m"),
     "airspeed": (1.0, "m/s"),
     "course": (0.0, "deg"),
+    "largest airspeed error": (0.0, "m/s"),
 }
 
 # Commands whose rates are bounded, by their columns, and the largest ratio of the root mean square
@@ -152,12 +154,13 @@ class Candidate:
 
 
 def numbers(run: Run, scenario: Scenario | None) -> list[float]:
-    """Root mean squares of the errors of a run, then of the rates of its commands."""
+    """Errors of a run, as `WEIGHTS`, then root mean squares of the rates of its commands."""
     signals, V = run.signals, scenario.flight.V_a_mps if scenario else math.nan
-    course = DEG_PER_RAD * signals["chi_err"]
-    errors = signals["cross_track"], signals["height_err"], signals["V_a"] - V, course
+    course, airspeed = DEG_PER_RAD * signals["chi_err"], signals["V_a"] - V
+    errors = signals["cross_track"], signals["height_err"], airspeed, course
     rates = (np.diff(signals[column]) / np.diff(run.t) for column in RATES.values())
-    return [math.sqrt(float(np.nanmean(np.square(x)))) for x in (*errors, *rates)]
+    means = [math.sqrt(float(np.nanmean(np.square(x)))) for x in (*errors, *rates)]
+    return [*means[: len(errors)], float(airspeed.abs().max()), *means[len(errors) :]]
 
 
 class Search:
@@ -276,7 +279,7 @@ def with_flights(candidate: Candidate, rows: pd.DataFrame) -> Candidate:
 
 
 def costs(errors: FloatArray) -> FloatArray:
-    """Cost of flights with errors of shape (n, 4), as `WEIGHTS`."""
+    """Cost of flights with errors of shape (n, 5), as `WEIGHTS`."""
     return np.asarray(errors @ np.array([weight for weight, _ in WEIGHTS.values()]))
 
 
@@ -396,12 +399,26 @@ class Retuned(Answering):
         """
         if self.against:
             raise InputError(f"{path}: must be better to be written: {listed(self.against)}.")
-        if self.file.suffix.lower() in (".ulg", ".bin", ".tlog", ".log"):
+        if self.of_log:
             px4 = self.now.law.period != "NAVL1_PERIOD"
             text = new_text(self.changes, self.comment, px4=px4)
         else:
             text = changed_text(self.file, self.changes, self.comment)
         return write_text(Path(path), text)
+
+    @property
+    def of_log(self) -> bool:
+        """Whether the parameters are those of a log."""
+        return self.file.suffix.lower() in (".ulg", ".bin", ".tlog", ".log")
+
+    @property
+    def larger(self) -> list[str]:
+        """Errors of the `accuracy` that grow by more than 5 %, in words."""
+        return [
+            f"{row['of']} {row[YOURS]:.3g} | {row[TUNED]:.3g} {row['unit']}"
+            for row in self.accuracy
+            if row[TUNED] > WORSE * row[YOURS]
+        ]
 
     @property
     def comment(self) -> list[str]:
@@ -438,6 +455,7 @@ class Counts(NamedTuple):
     budget: int = BUDGET
     fresh: int | None = None  # draws of the count
     log: str | None = None  # LOG@START:END for a part of it, s
+    columns: Columns = ()  # of the signals in the log
     kept: Path | None = None  # file for the flights while they are flown
 
 
@@ -452,7 +470,9 @@ def retune(
     check_one_airspeed(str(stated.place), plan.scenario)
     with_others = counted_flights.distribution_of(plan.campaign, plan.groups[0].plant)
     counted_flights.check_random(stated.place, with_others, plan.campaign.central)
-    logged, differ = logged_signals(counts.log, (), now, version) if counts.log else ([], [])
+    logged, differ = [], []
+    if counts.log:
+        logged, differ = logged_signals(counts.log, counts.columns, now, version)
     with WorkerPool(fliers) as pool:
         found = _retuned(plan, now, file, counts, pool)
     tracking = tracking_of(logged, found.rows)
@@ -554,14 +574,14 @@ def _against(start: Candidate, best: Candidate, rows: pd.DataFrame) -> list[str]
 
 
 def of_draws(rows: pd.DataFrame) -> dict[str, FloatArray]:
-    """Errors of both, each of shape (n, 4), in the draws that both completed."""
+    """Errors of both, each of shape (n, 5), in the draws that both completed."""
     done = rows[rows["status"] == "completed"].set_index(["draw", "gains"])["kept"]
     both = done.unstack("gains").reindex(columns=[YOURS, TUNED]).dropna()
     return {name: _errors(both[name]) for name in both}
 
 
 def _errors(kept: pd.Series) -> FloatArray:
-    """The errors of kept measures, shape (n, 4), of no flight too."""
+    """The errors of kept measures, shape (n, 5), of no flight too."""
     return np.array([x[: len(WEIGHTS)] for x in kept], dtype=float).reshape(-1, len(WEIGHTS))
 
 

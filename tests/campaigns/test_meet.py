@@ -19,6 +19,8 @@ from scipy.stats import binom
 
 import flighttune as ft
 from flighttune import load_gains, load_scenario, scenario_from
+from flighttune.base.errors import StoppedError
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.statistics.intervals import share as interval_of
 from flighttune.control.margins import loop_margins
 from flighttune.flight import models
@@ -64,6 +66,11 @@ def overshoot():
 @pytest.fixture(scope="module")
 def met(overshoot):
     return searched(overshoot)
+
+
+def kept_by(pool):
+    """Flights of a pool, which no file keeps."""
+    return KeptRows(None, {}, pool)
 
 
 def flown(of, gains):
@@ -116,6 +123,35 @@ def test_gains_that_meet_all_are_not_replaced_by_some_that_meet_it_by_less(overs
     assert values["start_met"] is True
     assert after <= before
     assert values["flights"] <= 61
+
+
+class Stopping(ft.CampaignObserver):
+    """Stops a search once so many flights are there, and hears what it says."""
+
+    def __init__(self, after):
+        self.after, self.flown, self.heard = after, 0, ""
+
+    def see(self, progress):
+        self.flown = progress.flown
+        self.stopped = progress.flown >= self.after
+
+    def hear(self, sentence):
+        self.heard += sentence
+
+
+def test_a_search_that_ended_goes_on_with_the_flights_of_its_file(tmp_path, overshoot):
+    file, first, second = tmp_path / "kept.jsonl", Stopping(9), Stopping(1000)
+    with pytest.raises(StoppedError):
+        searched(overshoot, budget=30, kept=file, observer=first)
+
+    values, gains, _ = searched(overshoot, budget=30, kept=file, observer=second)
+
+    whole, of_whole, _ = searched(overshoot, budget=30)
+    assert gains == of_whole
+    assert repr(values) == repr(whole)
+    assert 0 < second.flown == whole["flights"] - first.flown
+    assert f"{first.flown} flights are flown already" in second.heard
+    assert not file.exists()
 
 
 @pytest.mark.soak
@@ -303,7 +339,9 @@ def test_gains_that_never_settle_rank_behind_those_that_settle_late():
     late = scenario(at_most(settling_s=2.0))  # 6.1 s with K*
     weak = ft.PIGains(K_P=0.3 * ft.PAPER_GAINS.K_P, K_I=0.003 * ft.PAPER_GAINS.K_I)
     with one_worker() as pool:
-        search = meet.Search([meet.flights_to_meet(late, late.law_tables[0])], late.laws[0], pool)
+        search = meet.Search(
+            [meet.flights_to_meet(late, late.law_tables[0])], late.laws[0], kept_by(pool)
+        )
         never, paper = search.fly([weak, ft.PAPER_GAINS])
 
     assert np.isnan(never.checks[0][0].value)
@@ -320,7 +358,7 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
     for both in ((overshoot, short), (short, overshoot)):
         with one_worker() as pool:
             search = meet.Search(
-                [meet.flights_to_meet(x, x.law_tables[0]) for x in both], law, pool
+                [meet.flights_to_meet(x, x.law_tables[0]) for x in both], law, kept_by(pool)
             )
             (trial,) = search.fly([ft.PAPER_GAINS])
         assert trial.ends["chi"] == pytest.approx(max(ends), abs=1e-9)
@@ -329,7 +367,8 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with one_worker() as pool:
-        search = meet.Search([meet.flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
+        of = [meet.flights_to_meet(overshoot, overshoot.law_tables[0])]
+        search = meet.Search(of, law, kept_by(pool))
         unstable, same = search.fly([UNSTABLE, ft.PAPER_GAINS])
         once = search.flights
         search.fly([ft.PAPER_GAINS])
@@ -536,9 +575,8 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     table = ft.load_campaign(file, changes=level)
     flights = meet.flights_to_meet(table.nominal, table.nominal.law_tables[0], table)
     with one_worker() as pool:
-        (trial,) = meet.Search([flights], table.nominal.laws[0], pool, draws=3).fly(
-            [ft.PAPER_GAINS]
-        )
+        search = meet.Search([flights], table.nominal.laws[0], kept_by(pool), draws=3)
+        (trial,) = search.fly([ft.PAPER_GAINS])
 
     assert len({checks[0].value for checks in trial.checks}) == len(trial.excess) == 3
 

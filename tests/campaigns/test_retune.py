@@ -14,18 +14,18 @@ import pytest
 from commands import flighttune
 from log_files import sampled, write_dataflash
 from made_up import made_up_run
-from places import ROOT
 
 import flighttune as ft
 from flighttune.base.errors import StoppedError
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignProgress
 from flighttune.claims import counting
 from flighttune.control.laws.autopilot import Autopilot, guidance
 from flighttune.control.margins import Margins
 from flighttune.logs.parameters import flown_now
-from flighttune.outputs.answers.retuned import told
+from flighttune.outputs.answers.retuned import sentence, told
 from flighttune.studies import retune
 from flighttune.studies.retune import Candidate, Range, Search
 
@@ -72,8 +72,9 @@ def rows_of(yours, tuned):
     return pd.DataFrame(rows)
 
 
-# Errors of cross track, height, airspeed and course, then rates of roll and load factor.
-GOOD, BETTER, LOST = [2.0, 3.0, 1.0, 4.0, 0.1, 0.5], [1.0, 2.0, 1.0, 4.0, 0.15, 0.6], None
+# Errors of cross track, height, airspeed and course and the largest of airspeed, then rates of roll
+# and load factor.
+GOOD, BETTER, LOST = [2.0, 3.0, 1.0, 4.0, 2.5, 0.1, 0.5], [1.0, 2.0, 1.0, 4.0, 2.5, 0.15, 0.6], None
 SAFE = Margins(loop="roll", gain_decrease=0.0, gain_increase=4.0, phase_margin=1.0, delay_margin=1)
 
 
@@ -93,9 +94,10 @@ def test_what_is_better_on_fresh_draws_is_written():
 
 
 WEAK = replace(SAFE, gain_increase=1.9)  # 5.6 dB
-FAST = [1.0, 2.0, 1.0, 4.0, 0.21, 0.5]
-TRADED = [2.2, 1.0, 1.0, 4.0, 0.1, 0.5]  # cheaper, and farther from the track
-SWINGING = [1.0, 2.0, 1.0, 4.4, 0.1, 0.5]  # nearer to the track, about which it swings
+FAST = [1.0, 2.0, 1.0, 4.0, 2.5, 0.21, 0.5]
+TRADED = [2.2, 1.0, 1.0, 4.0, 2.5, 0.1, 0.5]  # cheaper, and farther from the track
+SWINGING = [1.0, 2.0, 1.0, 4.4, 2.5, 0.1, 0.5]  # nearer to the track, about which it swings
+SLOWING = [1.0, 2.0, 1.0, 4.0, 3.0, 0.1, 0.5]  # nearer to the stall for a moment
 
 
 @pytest.mark.parametrize(
@@ -112,11 +114,26 @@ SWINGING = [1.0, 2.0, 1.0, 4.4, 0.1, 0.5]  # nearer to the track, about which it
         (rows_of([GOOD] * 9, [FAST] * 9), {}, "commanded roll moves 2.1 times as fast"),
         (rows_of([GOOD] * 9, [TRADED] * 9), {}, "the cross track grows from 2 to 2.2 m"),
         (rows_of([GOOD] * 9, [SWINGING] * 9), {}, "the course grows from 4 to 4.4 deg"),
+        (rows_of([GOOD] * 9, [SLOWING] * 9), {}, "largest airspeed error grows from 2.5 to 3 m/s"),
         (rows_of([GOOD] * 9, [GOOD] * 9), {"same": True}, "no candidate was better"),
     ],
 )
 def test_nothing_is_written_that_is_worse_or_loses_more_or_has_less_margin(rows, more, words):
     assert words in " ".join(against(rows, **more))
+
+
+def test_what_is_larger_in_the_table_is_in_the_first_line(file, plan):
+    rows = rows_of([GOOD] * 93, [BETTER] * 93)
+    tuned = rows["gains"] == "tuned"
+    rows["flight.cross_track_m"] = np.where(tuned, 2.0, 5.0)
+    rows["flight.height_err_m"] = np.where(tuned, 3.12, 3.0)  # by 4 %
+    rows["flight.V_a_dev_mps"] = np.where(tuned, 1.8, 1.5)
+    rows["chi.peak_rad"] = rows["gamma.peak_rad"] = np.nan
+    rows["plant"] = "jsbsim:aerosonde"
+
+    first = sentence(retuned_of(rows, file, plan.with_runs(93)))
+
+    assert first.endswith("Larger with them, in the table below: airspeed 1.5 | 1.8 m/s.")
 
 
 def retuned_of(rows, file, plan):
@@ -185,7 +202,7 @@ def test_parameters_of_a_tecs_that_is_not_emulated_are_not_searched(tmp_path):
 
 @pytest.mark.filterwarnings("error")
 def test_an_error_that_is_none_with_both_bounds_nothing(file):
-    exact = [1.0, 2.0, 0.0, 4.0, 0.1, 0.5]
+    exact = [1.0, 2.0, 0.0, 4.0, 0.0, 0.1, 0.5]
     rows = rows_of([exact] * 3, [exact] * 3)
     law = flown_now(file).law
     start = retune.with_flights(Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), rows)
@@ -194,13 +211,15 @@ def test_an_error_that_is_none_with_both_bounds_nothing(file):
     assert np.nanmax(searching.error_ratios(start)) == pytest.approx(1.0 / retune.SEARCHED_WORSE)
 
 
-def test_errors_and_rates_of_a_flight_are_root_mean_squares():
+def test_errors_and_rates_of_a_flight_are_root_mean_squares_and_the_largest_of_airspeed():
     t = np.linspace(0.0, 2.0 * math.pi, 10001)
-    signals = {"cross_track": 3.0 * np.sin(t), "height_err": 0.0 * t - 2.0, "V_a": 26.0 + 0.0 * t}
+    airspeed = 25.0 - 4.0 * np.sin(t)
+    signals = {"cross_track": 3.0 * np.sin(t), "height_err": 0.0 * t - 2.0, "V_a": airspeed}
     signals |= {"chi_err": np.radians(5.0) * np.cos(t)}
     run = made_up_run(signals | {"phi_cmd": 0.5 * np.sin(2.0 * t), "n_z_cmd": 1.0 + 0.2 * t}, t)
     scenario = ft.load_scenario("circuit")  # at 25 m/s
-    expected = [3.0 / math.sqrt(2.0), 2.0, 1.0, 5.0 / math.sqrt(2.0), 1.0 / math.sqrt(2.0), 0.2]
+    root = math.sqrt(2.0)
+    expected = [3.0 / root, 2.0, 4.0 / root, 5.0 / root, 4.0, 1.0 / root, 0.2]
     assert retune.numbers(run, scenario) == pytest.approx(expected, rel=1e-3)
 
 
@@ -253,8 +272,8 @@ def test_a_period_whose_way_back_is_steeper_than_the_roll_is_not_flown(search):
         (["circuit_in_wind", "--with", "plane.param", "--budget", "9"], "at least 240 flights"),
         (["circuit_in_wind", "--with", "other.param"], "must state one of NAVL1_PERIOD"),
         (
-            ["m.plan", "--with", "plane.param", "--aircraft", "a.ulg"],
-            "`flighttune identify a.ulg --out mine.json` makes a model of a log",
+            ["circuit_in_wind", "--with", "plane.param", "--assume", "n_z=4"],
+            "`assume` must be absent without the log of an aircraft",
         ),
     ],
 )
@@ -262,7 +281,6 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\nROLL_LIMIT_DEG,45\n")
     (tmp_path / "other.param").write_text("TECS_SPDWEIGHT,1\nROLL_LIMIT_DEG,45\n")
-    (tmp_path / "m.plan").write_text((ROOT / "scenarios" / "approach.plan").read_text())
     assert words in " ".join(flighttune("meet", *options, status=2)[1].split())
 
 
@@ -299,9 +317,12 @@ def flying(stop_after, flown):
             if len(flown) == stop_after:
                 raise StoppedError("the observer stopped the flights.")
             flown.append((plan.campaign.seed, run))
-            yield {"run": run, "kept": [run / 3.0, math.nan], "status": "completed"}
+            kept = [run / 3.0, math.nan]
+            yield {"run": run, "kept": kept, "status": "completed", "success": True}
 
-    return SimpleNamespace(observer=ft.CampaignObserver(), rows=rows)
+    pool = SimpleNamespace(observer=ft.CampaignObserver(), progress=CampaignProgress())
+    pool.rows = rows
+    return pool
 
 
 class MadeUpSearch(Search):

@@ -1,17 +1,17 @@
 """Rows of flights, written while they are flown, so that the same command goes on after a kill."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.errors import InputError, OutputError, keeping
-from flighttune.base.files.whole import allowed, apart, write_text
+from flighttune.base.files.whole import allowed, apart, made_folder, write_text
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import Row
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
-from flighttune.campaigns.flying.rows import Probes
+from flighttune.campaigns.flying.rows import Drawn, Probes
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.fly import library_versions
 
@@ -24,7 +24,7 @@ class KeptRows:
     """
 
     def __init__(self, file: Path | None, decides: Mapping[str, Any], pool: WorkerPool) -> None:
-        self._file, self._pool = file, pool
+        self._file, self.pool = file, pool
         self._of = _hash({"of": decides, "versions": library_versions()})
         # Rows by plan and run.
         self._rows: dict[tuple[str, int], Row] = {}
@@ -33,22 +33,36 @@ class KeptRows:
         self._read(file)
         if self._rows:
             pool.observer.hear(f"{file}: {len(self)} flights are flown already.")
-        with apart():  # written anew, as a killed command may have left half of a line
-            write_text(file, "".join(self._line(*x) for x in self._rows.items()))
+            pool.progress.add([*self._rows.values()])
+        if file.exists():
+            with apart():  # written anew, as a killed command may have left half of a line
+                write_text(file, "".join(self._line(*x) for x in self._rows.items()))
 
     def __len__(self) -> int:
         """Number of flights that are kept."""
         return len(self._rows)
 
-    def flown(self, plan: Plan, probes: Probes, *, doing: str | None = None) -> list[Row]:
-        """Rows of all flights of a plan, in order; those that are not kept are flown and added."""
+    def flown(
+        self,
+        plan: Plan,
+        probes: Probes,
+        runs: Iterable[int] | None = None,
+        *,
+        draws: Sequence[Drawn] | None = None,
+        doing: str | None = None,
+    ) -> list[Row]:
+        """Rows of runs of a plan, by default of all; those that are not kept are flown and added.
+
+        `draws` must depend on the plan alone.
+        """
         of_plan = _hash({"plan": plan.as_dict(), "probes": [*probes]})
-        places = [(of_plan, run) for run in range(plan.runs)]
-        missing = [place for place in places if place not in self._rows]
-        rows = self._pool.rows(plan, [run for _, run in missing], doing=doing, probes=probes)
+        places = [(of_plan, run) for run in (range(plan.runs) if runs is None else runs)]
+        missing = [run for place, run in places if (place, run) not in self._rows]
+        rows = self.pool.rows(plan, missing, doing=doing, probes=probes, draws=draws)
         if self._file is None:
             self._rows |= {(of_plan, row["run"]): row for row in rows}
         else:
+            made_folder(self._file.parent)
             with (
                 keeping(self._file),
                 allowed(self._file, "writable", OutputError),

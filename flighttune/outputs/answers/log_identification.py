@@ -31,10 +31,7 @@ def answer(found: LogIdentification) -> Answer:
     tables = [Table(CHANNEL_COLUMNS, records, f"{found.title}: responses", name="responses")]
     untold = dict(found.untold)
     if found.identified is None:
-        name = next(iter(untold))
-        ask = f"assume its bandwidth, --assume {name}=RAD_S, or give logs that show it"
-        failure = f"{untold[name]}; {ask}"
-        return Answer(values={"untold": untold}, tables=tables, failure=failure)
+        return Answer(values={"untold": untold}, tables=tables, failure=found.missing)
     return Answer(
         values={**identified_tables(found.identified), "untold": untold},
         tables=[*tables, lags_table(found.identified)],

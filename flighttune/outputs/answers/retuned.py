@@ -4,7 +4,7 @@ from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.labels import columns
-from flighttune.studies.beside import CONFIDENCE, CUT, YOURS
+from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
 from flighttune.studies.retune import TUNED, WEIGHTS, Candidate, Retuned
 
 CHANGES = columns("name old new range why", of="retuned")
@@ -36,7 +36,7 @@ def answer(retuned: Retuned) -> Answer:
     rows, accuracy = changes(retuned), retuned.accuracy
     said = sentence(retuned)
     return Answer(
-        summary=[said, errors(retuned), margins(retuned)],
+        summary=[said, errors(retuned), margins(retuned), aircraft(retuned)],
         values={
             "guidance": retuned.now.name,
             "better": retuned.better,
@@ -58,7 +58,6 @@ def answer(retuned: Retuned) -> Answer:
         ],
         notes=[
             told(retuned),
-            f"The aircraft is {retuned.aircraft}; `--aircraft` names another.",
             *retuned.plan.scenario.assumptions,
             *retuned.notes,
             EMULATED,
@@ -86,7 +85,19 @@ def sentence(retuned: Retuned) -> str:
     if retuned.against:
         return f"{counted}. Nothing is written, {after}: {listed(retuned.against)}."
     held = listed(retuned.held_by) or "no bound"
-    return f"{counted}. The tuned parameters are better, {after}; they are held by {held}."
+    larger = f" Larger with them, in the table below: {listed(retuned.larger)}."
+    larger *= bool(retuned.larger)
+    return f"{counted}. The tuned parameters are better, {after}; they are held by {held}.{larger}"
+
+
+def aircraft(retuned: Retuned) -> str:
+    """The aircraft that flew, and how to fly that of a log."""
+    more = "`--aircraft` names another"
+    if lags_alone(retuned.plan):
+        more = "a search on lags alone once chose wrongly, as said below"
+    elif retuned.of_log:
+        more = f"it is not that of the log, whose lags `--aircraft {retuned.file}` flies"
+    return f"The aircraft is {retuned.aircraft}; {more}."
 
 
 def told(retuned: Retuned) -> str:
@@ -103,8 +114,8 @@ def told(retuned: Retuned) -> str:
 
 
 def errors(retuned: Retuned) -> str:
-    """Mean root mean square errors of both, and their cost."""
-    parts = [
+    """Mean errors of both, and their cost."""
+    *parts, largest = [
         f"{name} {old:.3g} | {new:.3g} {unit}"
         for (name, (_, unit)), old, new in zip(
             WEIGHTS.items(), retuned.start.errors, retuned.best.errors, strict=True
@@ -112,7 +123,10 @@ def errors(retuned: Retuned) -> str:
     ]
     weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items() if w)
     both = f"{retuned.start.cost:.3g} | {retuned.best.cost:.3g}"
-    return f"Root mean squares: {', '.join(parts)}; cost {both}, which is {weights}."
+    return (
+        f"Root mean squares: {', '.join(parts)}; {largest} in the mean; cost {both}, which is "
+        f"{weights}."
+    )
 
 
 def margins(retuned: Retuned) -> str:
