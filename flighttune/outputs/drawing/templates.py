@@ -1,5 +1,6 @@
 """Templates of pages and of files of other programs."""
 
+import re
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 def page_template(package: str, name: str) -> "Template":
     """A template of a package; it may extend ``frame.html.jinja``, the frame of every page."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
+    from markupsafe import Markup, escape
 
     environment = Environment(
         loader=ChoiceLoader(
@@ -26,5 +27,8 @@ def page_template(package: str, name: str) -> "Template":
     )
     environment.filters["key"] = lambda style: Markup(key(style.colour, dashes(style), style.width))
     environment.filters["words"] = lambda text: Markup(marked_up(text, "<sub>{}</sub>"))
+    environment.filters["code"] = lambda text: Markup(
+        re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    )
     environment.filters["sign"] = lambda colour, dash: Markup(key(colour, dash))
     return environment.get_template(name)

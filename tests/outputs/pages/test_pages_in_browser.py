@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from browser import DESK, PHONE, WIDE, told_at_widths
+from browser import DESK, PHONE, WIDE, chromium_at_real_speed, told_at_widths
 from commands import flighttune
 from log_files import heavy_cessna, sampled, write_csv
 from plans import plan_file, waypoint
@@ -105,6 +105,42 @@ def test_the_claim_of_a_mission_is_a_list_of_sentences(pages):
         assert re.match(r"[^a-z]", sentence), sentence
         assert sentence.endswith("."), sentence
         assert not re.search(r"\. [A-Z]", sentence), sentence
+
+
+@pytest.mark.soak
+def test_no_table_of_a_comparison_scrolls_on_a_tablet(pages, tmp_path):
+    (tmp_path / "page.html").write_text(pages("comparison"), encoding="utf-8")
+    with (
+        chromium_at_real_speed((768, 1000)) as open_tab,
+        open_tab((tmp_path / "page.html").as_uri()) as tab,
+    ):
+        tab.until("document.readyState === 'complete'")
+        tab.run("document.querySelectorAll('details').forEach(e => { e.open = true })")
+        widths = (
+            "[...document.querySelectorAll('.scroll')].map(e => [e.scrollWidth, e.clientWidth])"
+        )
+        tables = tab.run(widths)
+    assert len(tables) >= 2
+    assert [whole for whole, shown in tables if whole > shown] == []
+
+
+def test_names_of_keys_are_code_on_a_page(tmp_path):
+    template = page_template("flighttune.outputs.pages", "answer.html.jinja")
+    said = "State `band_deg` beside `<b>`."
+    texts = {"provenance": facts_table("Provenance", {"file": "x"}), "commands": "x", "texts": {}}
+    section = frame.Section(
+        note=["First.", said.replace("State", "Read")], tables=[facts_table("t", {"a": "b"})]
+    )
+    frame.write_page(
+        tmp_path / "page.html", template, title="x", summary=(said,), sections=[section], **texts
+    )
+
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+
+    shown = "State <code>band_deg</code> beside <code>&lt;b&gt;</code>."
+    assert shown in page
+    assert shown.replace("State", "Read") in page
+    assert said not in page
 
 
 def test_notes_become_sentences():
