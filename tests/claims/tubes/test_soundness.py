@@ -18,12 +18,13 @@ from made_up_tubes import (
     tube,
     tube_scenario,
 )
+from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.exact import enclosure_of
 from flighttune.claims.tubes.interval import Interval, Unbounded
-from flighttune.claims.tubes.sample import start_set
+from flighttune.claims.tubes.sample import GAMMA, start_set
 from flighttune.claims.tubes.search import Search
 
 RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
@@ -146,6 +147,47 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     assert half_widths[0] < 0.01 * D * h
     assert half_widths[1:3] == pytest.approx([0.5 * D * h, 1.5 * D * h], rel=0.01)
     assert half_widths[3] < 1.1 * D * h
+
+
+@pytest.mark.parametrize(("gamma_ref_deg", "D"), [(80.0, 0.02), (40.0, 0.2), (-60.0, 0.02)])
+def test_a_disturbed_sample_is_as_wide_as_the_remainder_of_its_path_angle(gamma_ref_deg, D):
+    steep = tube_scenario(
+        chi_err_deg=0.0,
+        gamma_deg=60.0,
+        gamma_ref_deg=gamma_ref_deg,
+        n_z_max=3.0,
+        n_z_per_s=50.0,
+        rate_hz=5.0,
+        feed_forward=False,
+    )
+    problem = tubes.stated_problem(steep, ft.PAPER_GAINS, disturbance=D)
+    loop = problem.loop
+    enclosure = enclosure_of(loop, start_set(loop, 0.0, sides=1, symbols=660), Search(loop))
+    enclosure.sample(0)
+    pieces = enclosure.pieces
+    reached = pieces.plain_range(pieces.forms()[GAMMA])
+
+    # Bounds by hand, of sample h: |f| and |f'| bound the second derivative of the path angle.
+    h, rate, gamma = 0.2, 9.81 / 25.0, 60.0 * DEG
+    signals, _ = disturbed_flight(problem)
+    n_z, phi = signals["n_z_cmd"][0], signals["phi_cmd"][0]
+    f = rate * (n_z * math.cos(phi) - math.cos(gamma))
+    Y = h * (abs(f) + D) * math.exp(rate * h)
+    remainder = h * D + 0.5 * h**2 * rate * (rate * Y * (1.0 + 0.5 * Y) + D) + 0.5 * h * rate * Y**2
+    assert 0.5 * np.ptp([reached.low, reached.high]) == pytest.approx(remainder, rel=1e-6)
+    middle = gamma + h * f * (1.0 + 0.5 * h * rate * math.sin(gamma))
+    assert reached.middle == pytest.approx(middle, abs=1e-9)
+
+    # The path angle of a constant rate of disturbance, integrated by SciPy
+    for off in (-D, D):
+        flown = solve_ivp(
+            lambda _, x, off=off: rate * (n_z * math.cos(phi) - np.cos(x)) + off,
+            (0.0, h),
+            [gamma],
+            rtol=1e-12,
+            atol=1e-12,
+        )
+        assert reached.low[0] < flown.y[0, -1] < reached.high[0]
 
 
 @pytest.mark.parametrize("sides", [1, 2, 5])
