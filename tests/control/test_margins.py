@@ -127,6 +127,28 @@ def test_margins_are_those_of_the_worst_of_several_crossings(seed):
     )
 
 
+def test_a_loop_that_is_real_and_positive_has_no_margin_of_gain_there():
+    # L = K (s^2 + 0.4 s + 1) / (s (s + 1) (s + 20) (s + 30)) is positive twice from 1 rad/s on, and
+    # its phase reaches -180 deg at infinity alone. By Routh it is stable for every K > 0.
+    poles = np.poly([-1.0, -20.0, -30.0])
+    names = {"inputs": ("u",), "errors": ("e",)}
+    model = ft.loop.LinearModel(
+        A=np.vstack([-poles[1:], np.eye(3)[:2]]),
+        B=[[1.0], [0.0], [0.0]],
+        C=[[-1.0, -0.4, -1.0]],
+        states=("a", "b", "c"),
+        **names,
+    )
+    gains = ft.PIGains(K_P=[[0.0]], K_I=[[500.0]], **names)
+    s = 1j * np.geomspace(0.5, 20.0, 1001)
+    L = 500.0 * (s**2 + 0.4 * s + 1.0) / (s * np.polyval(poles, s))
+    assert np.count_nonzero(np.diff(L.imag > 0.0) & (L.real[:-1] > 0.0)) == 2
+
+    alone, _ = margins.loop_margins(model, gains)
+
+    assert (alone.gain_decrease, alone.gain_increase) == (0.0, np.inf)
+
+
 def test_every_change_inside_the_disk_margin_is_survived():
     *channels, together = margins.loop_margins(LAGGED, ft.PAPER_GAINS)
     rng = np.random.default_rng(0)

@@ -5,6 +5,7 @@ Those that need many flights, or flights of an aircraft, are judged in the repro
 
 import math
 
+import numpy as np
 import pytest
 
 from flighttune.studies.paper import claims
@@ -140,6 +141,17 @@ def test_a_claim_is_judged_by_what_was_computed(study, name):
         exact = isinstance(expected, str)
         near = expected if exact else pytest.approx(expected, rel=COMPUTED, abs=1e-6)
         assert check.computed == near, check
+
+
+@pytest.mark.parametrize(
+    ("must", "asked", "holds"), [("all rise", "4", False), ("most rise", "most", True)]
+)
+def test_what_a_claim_asks_of_steps_is_said(must, asked, holds):
+    check = claims._rise("R_K over K_P", np.array([1.0, 2.0, -1.0, 1.0]), must)
+
+    assert check.expected == f"{asked} of 4 steps"
+    assert check.computed == "3 of 4 steps"
+    assert check.holds == holds
 
 
 def test_every_claim_is_judged_somewhere():

@@ -73,6 +73,25 @@ def test_a_search_that_does_not_converge_says_what_is_left_over():
     assert drag == pytest.approx((0.043 + 0.0232 * C_L**2) / C_L, abs=0.005)
 
 
+@pytest.mark.parametrize(("most", "said"), [(0.02, "at the throttle 0.900 it is 1 w"), (0.2, "")])
+def test_a_thrust_that_is_lost_by_closing_the_throttle_fast_depends_on_its_history(most, said):
+    problem = _TrimProblem(fdm_of("aerosonde"), ft.loop.FlightCondition(V_a=25.0, h=1000.0))
+    x, throttles = problem.steady(), [1.0]
+
+    def thrust(x):  # in weights; the engine stops where its throttle is closed by more than `most`
+        throttles.append(x[-1])
+        if x[-1] == 1.0:
+            del throttles[:-1]
+        return [float((np.diff(throttles) > -most).all())]
+
+    problem.settles, problem.residuals, x[-1] = True, thrust, 0.9
+
+    history = problem._history(x)
+
+    assert said in history
+    assert bool(history) == bool(said)
+
+
 @pytest.mark.parametrize(
     ("unknown", "end", "forward", "words"),
     [
