@@ -177,6 +177,18 @@ def test_dates_are_read_past_midnight_whatever_comes_first(tmp_path, day, start)
     assert run.signals["phi"].to_numpy() == pytest.approx(np.radians(10.0 * np.sin(t)), abs=1e-9)
 
 
+def test_dates_are_read_although_a_row_has_a_number(tmp_path):
+    t, path = np.arange(300) / 5.0, tmp_path / "flight.csv"
+    stamps = [str(x) for x in pd.date_range("2026-06-11 12:00:00", periods=300, freq="200ms")]
+    columns = {"time": [*stamps[:-1], "0.0"], "phi_deg": 10.0 * np.sin(t), "V_a_mps": 25.0}
+    pd.DataFrame(columns).to_csv(path, index=False)
+
+    run = ft.load_log(path)
+
+    assert len(run.t) > 290
+    assert run.t == pytest.approx(t[: len(run.t)], abs=1e-9)
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
 def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path, encoding):
     t, path = np.arange(300) / 25.0, tmp_path / "flight.csv"

@@ -64,3 +64,24 @@ def test_a_faster_stream_is_averaged_and_a_slower_one_interpolated(period, expec
     times = np.arange(0.0, 3.1, period)
 
     assert streams._between(np.array([1.0, 2.0]), times, times**2, 1.0) == pytest.approx(expected)
+
+
+def test_modes_and_states_last_until_the_last_attitude_from_the_first_one():
+    attitude = np.arange(100.0, 161.0), np.zeros(61)
+    raw = {
+        "phi": attitude,
+        "mode": (np.array([95.0, 130.0]), np.array([2.0, 3.0])),
+        "armed": (np.array([90.0, 110.0, 140.0]), np.array([0.0, 1.0, 0.0])),
+    }
+
+    listed, odd = streams.phases("a log", raw, {"2": "AUTO"}, {"armed": [1.0, 1.0]})
+
+    assert listed == [("armed", 10.0, 40.0), ("AUTO", 0.0, 30.0), ("mode 3", 30.0, 60.0)]
+    assert odd == []
+    assert raw == {"phi": attitude}
+
+
+def test_a_state_that_does_not_end_lasts_until_the_last_attitude():
+    raw = {"phi": (np.array([100.0, 160.0]), np.zeros(2)), "armed": (np.array([110.0]), np.ones(1))}
+
+    assert streams.phases("a log", raw, {}, {"armed": [1.0, 1.0]})[0] == [("armed", 10.0, 60.0)]

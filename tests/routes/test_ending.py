@@ -16,6 +16,7 @@ ONE_POINT = STEP
 INTEGRATED = 1e-3
 
 
+GLIDE = {"kind": "straight", "side": 1, "at_m": 700.0}
 CORNER = (0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0)
 
 
@@ -97,3 +98,11 @@ def test_a_flight_that_glides_goes_straight_on_from_a_turn(whole):
     beyond = path.course[2100:]
     assert np.ptp(beyond) == pytest.approx(0.0, abs=INTEGRATED)
     assert path.course[1900] != pytest.approx(whole.reference.path.course[1500], abs=0.01)
+
+
+def test_a_glide_is_as_long_as_thirty_heights_over_the_ground_of_its_mission():
+    planned = flown(**{"flight.h_m": 500.0, "flight.ground_m": 400.0, "route.ending": GLIDE})
+    path = planned.reference.path
+    # of its start: the route is level, and its leg needs no roll-out before the glide
+    assert path.up == pytest.approx(0.0, abs=INTEGRATED)
+    assert path.length == pytest.approx(700.0 + 30.0 * 100.0, abs=ONE_POINT)
