@@ -97,7 +97,7 @@ def nominal(aircraft: str, law: str) -> dict[str, list[float]]:
     """ITAE of course and path angle of each nominal flight, infinite of one that was lost."""
     found = {}
     for flight in ("step",) if running.QUICK else ("step", "ramp", "mission", "wind"):
-        (run,) = ft.fly(ft.scenario_from(tables(aircraft, flight, law))).runs[-1:]
+        (run,) = ft.fly(ft.scenario_from(tables(aircraft, flight, law)), run_code=True).runs[-1:]
         t, errors = run.t, (run.signals[f"{c}_err"].abs() for c in ("chi", "gamma"))
         lost = run.status != "completed"
         found[flight] = [np.inf if lost else float(np.trapezoid(t * e, t)) for e in errors]
@@ -114,7 +114,7 @@ def drawn(aircraft: str, law: str, draws: int) -> dict[str, np.ndarray]:
         runs=draws,
     )
     with tempfile.TemporaryDirectory() as folder:
-        ft.run_campaign(plan, folder, workers=1)
+        ft.run_campaign(plan, folder, workers=1, run_code=True)
         rows = open_dataset(folder).rows().to_pandas()
     return {
         "itae": rows[["chi.ITAE", "gamma.ITAE"]].to_numpy(),

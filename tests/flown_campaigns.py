@@ -251,10 +251,10 @@ def one_worker(**by):
 def flown_here(rows=rows_flown):
     """Fly in this process, without workers."""
 
-    def in_order(pool, plan, runs, doing, **options):
+    def flown(pool, plan, runs, doing, **options):
         made = list(rows(plan, runs, **options))
         pool.progress.compiled += compiled_in(made)
         return made
 
-    with mock.patch.object(WorkerPool, "in_order", in_order):
+    with mock.patch.object(WorkerPool, "rows", flown):
         yield WorkerPool(Fliers())

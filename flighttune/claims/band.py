@@ -1,6 +1,6 @@
 """Counts of recorded signals: bands, and flights inside a fence."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
@@ -16,6 +16,7 @@ from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.counted import SignalBounds, axis_of, wind_at_start
 from flighttune.claims.measured import Measured
+from flighttune.claims.shape import parts
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.loop.run import ERRORS, Run, RunClaim
 from flighttune.flight.metrics import OFF_ROUTE
@@ -171,7 +172,8 @@ class Band(SignalBounds):
         """
         fence, room, reaches = self._room(tables, file)
         # The limits to the sides are finite, so flights that were not completed are outside.
-        outside = int(np.sum(~(self._away() <= room.limits).all(axis=(1, 2, 3))))
+        inside = [(x <= room.limits).all(axis=(1, 2, 3)) for x in self._away()]
+        outside = len(self.scores) - sum(int(x.sum()) for x in inside)
         flights, ending = len(self.scores), self.ending
         supported = ending.supported(outside, flights)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
@@ -192,8 +194,8 @@ class Band(SignalBounds):
         """A fence, its room along the route, and how far flights and corridor reach."""
         central, (path, origin, _) = self.flights.central, self.flights.route.where
         fence = read_fence(file, origin, tables)
-        away, completed = self._away(), np.isfinite(self.scores)
-        reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
+        farthest = [x.max(axis=0) for x in self._away(completed=True) if len(x)]
+        reaches = {"completed flights": np.max(farthest, axis=0)} if farthest else {}
         if self.claims and not self.about.predicted_from:
             corridor = self.corridor()
             reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
@@ -202,16 +204,25 @@ class Band(SignalBounds):
         room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
         return fence, room, reaches
 
-    def _away(self) -> FloatArray:
-        """Largest distances of each flight from its route, shape (N, windows, 2, 2), m."""
-        return DISTANCE_SIGNS * self.extremes[:, :, self._off_route()]
+    def _away(self, *, completed: bool = False) -> Iterator[FloatArray]:
+        """Largest distances of some flights at a time from their route, (n, windows, 2, 2), m."""
+        columns = self._off_route()
+        for part in parts(len(self.scores)):
+            extremes = self.extremes[part]
+            if completed:
+                extremes = extremes[np.isfinite(self.scores[part])]
+            yield DISTANCE_SIGNS * extremes[:, :, columns]
 
     @property
     def nearness(self) -> list[FloatArray]:
         """How near each flight comes to leaving the band, and each fence."""
-        limits = [self._room(areas, KEPT)[1].limits for areas in self.about.fences]
-        beyond = [np.nan_to_num(self._away() - limit, nan=np.inf) for limit in limits]
-        return [self.scores, *(x.max(axis=(1, 2, 3)) for x in beyond)]
+        rooms = [self._room(areas, KEPT)[1] for areas in self.about.fences]
+        return [self.scores, *(self._beyond(room.limits) for room in rooms)]
+
+    def _beyond(self, limits: FloatArray) -> FloatArray:
+        """Largest distance of each flight beyond its limits, shape (N,), m; negative inside."""
+        beyond = (np.nan_to_num(away - limits, nan=np.inf) for away in self._away())
+        return np.concatenate([np.zeros(0), *(x.max(axis=(1, 2, 3)) for x in beyond)])
 
     @property
     def _not_inside(self) -> list[int]:

@@ -341,7 +341,7 @@ class Counted(Answering):
         """Hash of its file's content, independent of compression."""
         digest = hashlib.sha256(json.dumps(tables_of(self.about), sort_keys=True).encode())
         for array in (self.extremes, self.wind, self.navigation):
-            digest.update(array.tobytes())
+            digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
 
     def save(self, path: str | Path) -> None:

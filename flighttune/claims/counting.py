@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.endings import why_ended
@@ -37,6 +38,9 @@ from flighttune.flight.scenario.schema import Scenario
 # are many, 126 of 750, and each takes as long as ten compiled ones.
 NEXT = 2
 
+# Number of flights flown together, whose numbers are there twice until they are in their places.
+AT_A_TIME = 4096
+
 # Numbers of flights that the refusal of another number lists.
 SHOWN = 3
 
@@ -44,6 +48,7 @@ SHOWN = 3
 ROUNDING = 1e-9
 
 C = TypeVar("C", bound=Counted)
+F = TypeVar("F", bound=np.floating)
 
 # Extremes, wind and navigation of some flights, as `Kept` has them.
 Numbers: TypeAlias = tuple[shapes.Extremes, FloatArray, FloatArray]
@@ -183,12 +188,25 @@ def _counted(
     looks = ending.looks() if judged else []
     writes = written_at(ending.flights) if unfinished else []
     pool.progress.compiled, pool.progress.endings = counted.compiled, [*counted.endings]
+    # All flights have their places from the beginning: arrays that are joined are there twice.
+    places = (
+        _with_places(counted.extremes, ending.flights),
+        _with_places(counted.wind, ending.flights),
+        _with_places(counted.navigation, ending.flights),
+    )
     stops = sorted({*looks, *writes, ending.flights})
     for begin, end in pairwise([begun, *(n for n in stops if n > begun)]):
         pool.progress.budget = pool.progress.flown + ending.expected(begin) - begin
-        numbers = flown(range(learned + begin, learned + end))
+        for first in range(begin, end, AT_A_TIME):
+            runs = range(learned + first, learned + min(first + AT_A_TIME, end))
+            for array, more in zip(places, flown(runs), strict=True):
+                array[first : first + len(runs)] = more
+        extremes, wind, navigation = (array[:end] for array in places)
         counted = replace(
-            counted.with_flights(*numbers),
+            counted,
+            extremes=extremes,
+            wind=wind,
+            navigation=navigation,
             endings=sorted(pool.progress.endings, key=lambda x: x["run"]),
             compiled=pool.progress.compiled,
         )
@@ -197,6 +215,13 @@ def _counted(
         if unfinished is not None and end in writes:
             unfinished.write(counted)
     return counted
+
+
+def _with_places(array: npt.NDArray[F], flights: int) -> npt.NDArray[F]:
+    """An array with places for more flights; memory is taken only where numbers are written."""
+    places = np.empty((flights, *array.shape[1:]), array.dtype)
+    places[: len(array)] = array
+    return places
 
 
 def deciding(counted: Counted) -> list[int]:
@@ -368,16 +393,14 @@ def score(kept: Kept, about: About, run: Run, scenario: Scenario) -> float:
 def _flown(
     pool: WorkerPool, plan: Plan, kept: Kept, runs: Sequence[int], doing: str = "counting"
 ) -> Numbers:
-    """The numbers of some runs."""
-    extremes, others = [], []
-    parts = range(0, len(runs), shapes.PART)
-    for number, first in enumerate(parts, 1):
-        phase = f"{doing}{f', part {number} of {len(parts)}' if len(parts) > 1 else ''}"
-        part, probes = runs[first : first + shapes.PART], {"extremes": kept}
-        rows = pool.in_order(plan, part, doing=phase, probes=probes)
-        values = np.array([row.get("extremes", kept.lost) for row in rows])
-        some, *other = kept.parts(values)
-        extremes.append(some.astype(np.float32))
-        others.append(other)
-    wind, navigation = map(np.concatenate, zip(*others, strict=True))
-    return np.concatenate(extremes), wind, navigation
+    """The numbers of some runs, in rising order of these."""
+    lost = kept.parts(np.array([kept.lost]))
+    extremes = np.repeat(lost[0].astype(np.float32), len(runs), axis=0)
+    wind, navigation = (np.repeat(x, len(runs), axis=0) for x in lost[1:])
+    places = {run: place for place, run in enumerate(sorted(runs))}
+    # A row is not kept, as its numbers take ten times as much memory as in these arrays.
+    for row in pool.rows(plan, runs, doing=doing, probes={"extremes": kept}):
+        values = kept.parts(np.array([row.get("extremes", kept.lost)]))
+        for array, (value,) in zip((extremes, wind, navigation), values, strict=True):
+            array[places[row["run"]]] = value
+    return extremes, wind, navigation

@@ -1,5 +1,6 @@
 """Windows of flights, their extremes, and the shape of a band learned from them."""
 
+from collections.abc import Iterator
 from itertools import product
 from typing import TypeAlias
 
@@ -37,8 +38,8 @@ FOLDS = 5
 # the last digit.
 LEAST_SHARE, LEAST = 1e-3, 1e-9
 
-# Number of flights scored at a time, since the largest count does not fit into memory as doubles.
-PART = 4096
+# Number of flights looked at together, since the largest count does not fit into memory as doubles.
+PART = 1024
 
 # Lowest and highest value of each signal in each window in single precision, shape (N, windows,
 # signals, 2) for N flights. A flight that was not completed, or whose distances from a route are
@@ -78,12 +79,16 @@ def scores_of(
     extremes: Extremes, wind: FloatArray, coefficients: FloatArray, half: FloatArray
 ) -> FloatArray:
     """Smallest scale at which each flight is inside at all times; infinite if not completed."""
-    parts = [np.zeros(0)]
-    for first in range(0, len(extremes), PART):
-        part = slice(first, first + PART)
+    scores = [np.zeros(0)]
+    for part in parts(len(extremes)):
         away = np.abs(extremes[part] - predicted(wind[part], coefficients)[..., None]).max(axis=-1)
-        parts.append((away / half).max(axis=(1, 2)))
-    return np.concatenate(parts)
+        scores.append((away / half).max(axis=(1, 2)))
+    return np.concatenate(scores)
+
+
+def parts(flights: int) -> Iterator[slice]:
+    """Some flights at a time, of all."""
+    return (slice(first, first + PART) for first in range(0, flights, PART))
 
 
 def learned_shape(

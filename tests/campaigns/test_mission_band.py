@@ -193,6 +193,7 @@ def test_the_third_largest_of_all_flights_decides_the_corridor(
 
 @pytest.mark.slow
 def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch):
+    monkeypatch.setattr("flighttune.claims.shape.PART", 32)  # looked at in three parts
     made_up_flights(monkeypatch, None)
     file = mission(
         tmp_path / "m.plan", [[47.39, 8.49], [47.39, 8.51], [47.42, 8.51], [47.42, 8.49]]

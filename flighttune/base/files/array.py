@@ -23,7 +23,7 @@ def write_sealed(path: str | Path, arrays: Mapping[str, Any]) -> None:
             np.savez_compressed(opened, **arrays)
         with zipfile.ZipFile(part, "a") as file:
             file.comment = load.BLANK.encode()  # at the end, outside every checksum
-        part.write_bytes(load.seal(part.read_bytes()))
+        load.seal_end(part)
 
 
 def read_arrays(
