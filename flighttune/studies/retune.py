@@ -536,7 +536,7 @@ def _held_by(search: Search, best: Candidate, ranges: Sequence[Range]) -> list[s
     ratios = best.rates / search.start.rates / FASTER
     used |= {f"the rate of the commanded {x}": r for x, r in zip(RATES, ratios, strict=True)}
     grown = search.error_ratios(best)
-    used |= {f"the {x}, which must not grow": r for x, r in zip(WEIGHTS, grown, strict=True)}
+    used |= {f"the bound on the {x}": r for x, r in zip(WEIGHTS, grown, strict=True)}
     held = [name for name, share in used.items() if share >= 1.0 - ACTIVE]
     places = {x: x.place(best.law.parameters[x.name]) for x in ranges}
     low, high = ACTIVE / 5.0, 1.0 - ACTIVE / 5.0
