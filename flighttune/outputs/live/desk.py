@@ -21,7 +21,6 @@ from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import plan_campaign
 from flighttune.campaigns.planning.source import Flights, airframes
 from flighttune.claims.band import Band
-from flighttune.claims.counted_flights import distribution_of
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import tune
@@ -176,9 +175,7 @@ class Desk:
                 flown += fly(plan.scenario_of(number)).runs
             search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
         self._clouds = {_key(values): flown}
-        varied = distribution_of(plan.campaign, plan.groups[0].plant).varied
-        words = ", ".join(x.partition(" (")[0] for x in varied)
-        return f"{AIRCRAFT} flights are drawn, varied as those of missions: {words}.", {}
+        return f"{AIRCRAFT} aircraft have flown, varied as those of missions.", {}
 
     def _corridor(self, scenario: Scenario, values: Values, search: Search) -> Found:
         """Count the corridor and the odds of leaving the fence of a mission, in the page's air."""
