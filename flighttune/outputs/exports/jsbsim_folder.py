@@ -60,7 +60,7 @@ README, SUMS = "README.md", "SHA256SUMS"
 # flaps move, and filters of the model's flight control settle.
 AT_REST = 40.0
 
-# A smaller share of a sample counts as rounding.
+# A smaller share of a step counts as rounding.
 SAME_TIME = 1e-6
 
 # Flights within this difference are equal up to rounding, rad and 1; relative for the airspeed.
@@ -448,7 +448,7 @@ def _script(
         engines=_engine_events(fdm, values[properties.THROTTLE_TRIM]),
         engine_count=fdm.config.engines.count,
         failures=[
-            (name, t_0 + math.ceil(from_s / setup.dt - SAME_TIME) * setup.dt + half, value)
+            (name, t_0 + math.ceil(from_s * fdm.rate - SAME_TIME) / fdm.rate + half, value)
             for from_s, name, value in plant.changes()
         ],
         before=t_0 - half,

@@ -136,15 +136,14 @@ chi_deg = [{{shape = "ramp", start_s = 5.0, duration_s = 6.0, rate_dps = 5.0}}]
 """
 
 
-@pytest.mark.counts
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("aircraft", "V", "down", "gains", "anti_windup", "engine"),
     [
         ("c172p", 55.0, 0.0, "tuned_identified", "conditional", ""),
-        pytest.param(
+        (
             *("x8", 18.0, 2.0, "exact:tuned_identified", "back_calculation"),
             ", throttle_max = 0.3, throttle_max_from_s = 4.01",
-            marks=pytest.mark.soak,
         ),
     ],
 )
