@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from functools import partial
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from airframes import changed_aerosonde
+from places import SHIPPED_AIRCRAFT
 
 from flighttune.base.files.table import toml_tables
 from flighttune.vehicles.aircraft import aircraft
@@ -151,6 +153,21 @@ def test_what_aircraft_toml_changes_of_a_step_is_in_its_key(changes):
 
     assert sources[0] != sources[1]
     assert len({face._key(source, Air()) for source in sources}) == 2
+
+
+def test_a_part_of_the_model_is_in_the_key_of_its_step(tmp_path):
+    folders = [tmp_path / name for name in ("first", "copied", "changed")]
+    for folder in folders:
+        shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
+    engine = folders[2] / "Engines" / "aerosonde_motor.xml"
+    engine.write_text(engine.read_text().replace("36.576 <", "36.577 <"))
+
+    sources = [Source(aircraft.load_aircraft(folder), 1) for folder in folders]
+    first, copied, changed = (face._key(source, Air()) for source in sources)
+
+    assert first == copied != changed
+    names = [name for name, _ in sources[0].parts()]
+    assert names == ["", "aerosonde_motor.xml", "direct.xml"]
 
 
 def cut(file):
