@@ -19,6 +19,7 @@ from scipy.optimize import minimize
 import flighttune as ft
 from flighttune import Scenario, scenario_from
 from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.control.gains import PIGains
 from flighttune.flight.models import gain_set
@@ -57,7 +58,8 @@ def own(scenario: Scenario, start: PIGains) -> tuple[int, float]:
     """Flights and seconds of the search, with the start of its processes."""
     began, law = time.perf_counter(), scenario.laws[0]
     with WorkerPool(Fliers()) as pool:
-        search = UntilMet([flights_to_meet(scenario, scenario.law_tables[0])], law, pool)
+        rows, campaign = KeptRows(None, {}, pool), flights_to_meet(scenario, scenario.law_tables[0])
+        search = UntilMet([campaign], law, rows)
         with suppress(MetError):
             search.search([start], CAPPED)
     return search.flights, time.perf_counter() - began

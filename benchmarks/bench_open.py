@@ -27,8 +27,10 @@ def seconds_of_a_move() -> float:
         page = desk.Desk(ft.flights("level_turn", changes=TURN), None, Path(folder))
         for number in range(UNTIMED + MOVES):
             began = time.process_time()
-            values = {"gains[0].K_P[0][0]": 1.0 + 0.01 * number}
-            page.picture(desk.Asked(values=values, ghosts={"start": {}}))
+            moved = desk.Asked(
+                values={"gains[0].K_P[0][0]": 1.0 + 0.01 * number}, ghosts={"start": {}}
+            )
+            page.picture(moved)
             taken.append(time.process_time() - began)
     return statistics.median(taken[UNTIMED:])
 

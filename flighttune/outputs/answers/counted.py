@@ -42,7 +42,6 @@ def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
             *counted.compiled.notes,
             *nearest(counted, file),
         ],
-        aside=counted.compiled.notes,
         verdict=counted.sentence if counted.claims else "",
         failure="" if counted.claims else counted.sentence,
     )
