@@ -22,7 +22,7 @@ SAID = {
     "most 14.9",
     "certificate_conditions.json": "decays at 0.0148446 1/s",
     "bound.json": "none exist",
-    "tube.npz": "keeps χ within 1.7e-07 deg and γ within 0.0024 deg",
+    "tube.npz": "keeps χ within 0.0001 deg and γ within 0.0024 deg",
     "tube_for_ever.npz": "keeps χ within 4.4e-07 deg and γ within 0.0022 deg",
     "band.npz": "5 of 91 fresh flights",
 }
