@@ -135,7 +135,9 @@ def test_what_is_larger_in_the_table_is_in_the_first_line(file, plan):
 
     first = sentence(retuned_of(rows, file, plan.with_runs(93)))
 
-    assert first.endswith("Larger with them, in the table below: airspeed 1.5 | 1.8 m/s.")
+    assert first.endswith(
+        "These errors in the table below are larger with them: airspeed 1.5 | 1.8 m/s."
+    )
 
 
 def retuned_of(rows, file, plan):

@@ -85,7 +85,7 @@ def sentence(retuned: Retuned) -> str:
     if retuned.against:
         return f"{counted}. Nothing is written, {after}: {listed(retuned.against)}."
     held = listed(retuned.held_by) or "no bound"
-    larger = f" Larger with them, in the table below: {listed(retuned.larger)}."
+    larger = f" These errors in the table below are larger with them: {listed(retuned.larger)}."
     larger *= bool(retuned.larger)
     return f"{counted}. The tuned parameters are better, {after}; they are held by {held}.{larger}"
 
@@ -96,7 +96,7 @@ def aircraft(retuned: Retuned) -> str:
     if lags_alone(retuned.plan):
         more = "a search on lags alone once chose wrongly, as said below"
     elif retuned.of_log:
-        more = f"it is not that of the log, whose lags `--aircraft {retuned.file}` flies"
+        more = f"`--aircraft {retuned.file}` flies the lags of the log instead"
     return f"The aircraft is {retuned.aircraft}; {more}."
 
 
