@@ -24,6 +24,9 @@ from flighttune.campaigns.engine import pool
 pytestmark = pytest.mark.slow
 own_processes = pytest.mark.usefixtures("own_workers")
 
+MANY_LOOKS = 2000
+"""A pool that waits for nothing looks as often in a second, one that waits for flights in 400 s."""
+
 
 KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
         "plant.airframe.coefficient_factors.Cm_alpha", "sensors.chi_noise_sd_deg",
@@ -79,6 +82,18 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     assert [*dict.fromkeys(shown)] == [("starting", 0), *phases]
     assert {p.runs for p in notes.seen} == {4}
     assert workers.progress.flown / workers.progress.rate_per_s < time.perf_counter() - ready
+
+
+@own_processes
+def test_flights_go_on_where_no_worker_is_counted(tmp_path, monkeypatch):
+    """Some schedulers start a worker for a task that waits, and end it after the task."""
+    monkeypatch.setattr(pool.Threads, "threads", lambda self: 0)
+    notes = Notes(lambda progress: len(notes.seen) > MANY_LOOKS)
+
+    with one_worker(observer=notes) as workers:
+        rows = list(workers.rows(plan(tmp_path, runs=8, law=False), range(8)))
+
+    assert len(rows) == 8
 
 
 @own_processes

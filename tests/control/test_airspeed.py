@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.control.certificates.make import certify_model
+from flighttune.flight import models
 from flighttune.flight.loop.loop import simulate
 from flighttune.routes.segments import Segment
 from flighttune.vehicles.plants.weather import WindRecord
@@ -98,6 +99,22 @@ def test_three_channels_have_the_optimum_of_two():
     assert three.R_K == pytest.approx(two.R_K, abs=1e-5)
     # The weight is taken out by one gain.
     assert three.gains.K_P[2, 1] == pytest.approx(-math.cos(CLIMB), abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("chi_deg", "gamma_deg"), [(0.0, 20.0), (70.0, 0.0)])
+def test_the_weight_is_taken_out_at_the_path_angle_of_the_reference(chi_deg, gamma_deg):
+    """Gains of an identified aircraft are tuned without the weight, and get their gain after."""
+    made = ft.load_scenario("exact_law").as_dict()
+    made["reference"] = {"chi_deg": chi_deg, "gamma_deg": gamma_deg, "V_mps": V_0}
+    made["limits"] |= {"n_x": [-0.5, 1.0]}
+    scenario, before = ft.scenario_from(made | {"expect": []}), tuned(True)
+
+    after = models._with_weight(before, scenario, scenario.laws[0])
+
+    added = np.zeros((3, 3))
+    added[2, 1] = -math.cos(math.radians(gamma_deg))
+    assert after.gains.K_P - before.gains.K_P == pytest.approx(added, abs=ROUNDING)
 
 
 @pytest.mark.slow

@@ -260,6 +260,14 @@ def test_every_way_out_of_a_refusal_is_one():
             plan(rows, replace(narrow, **{keys[key]: closer}))
 
 
+def test_no_airspeed_below_two_fifths_is_a_way_out():
+    with pytest.raises(ft.InputError, match="waypoint") as refusal:
+        plan(survey(3, 20.0, beyond=120.0), replace(AROUND, turnaround=1.0))
+
+    assert "`turnaround_m` of" in str(refusal.value)
+    assert "`V_a_mps`" not in str(refusal.value)
+
+
 def test_a_leg_to_circles_that_climb_is_as_high_as_its_begin():
     """20 m since the climb before, not 0 as at the start, nor 90 as after the circles."""
     circle = Waypoint(north=2000, east=0, up=90.0, turns=2.0, radius=200.0, spiral=True)

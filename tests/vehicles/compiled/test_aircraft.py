@@ -21,7 +21,10 @@ from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindPr
 
 ADOPTED = Path(__file__).parents[2] / "adopted"
 WIND = WindProfile(((0.0, (3.0, -2.0, 0.1)),))
-GUST = Gust(axis="right", peak=3.0, start=0.5, rise=0.6, hold=0.3)
+GUSTS = {
+    axis: Gust(axis=axis, peak=peak, start=0.5, rise=0.6, hold=0.3)
+    for axis, peak in (("right", 3.0), ("ahead", -3.0), ("down", 2.0))
+}
 
 
 LATER = [pytest.param(name, marks=pytest.mark.slow) for name in ("x8", "a4", "c172p")]
@@ -36,12 +39,22 @@ def test_every_property_is_that_of_jsbsim(aircraft):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gust", [None, GUST], ids=["", "gust"])
-@pytest.mark.parametrize("model", [None, "tustin", "milspec"])
-def test_so_is_the_air(model, gust):
-    turbulence = model and Turbulence(severity=4, wind_20ft=6.0, model=model)
+@pytest.mark.parametrize(
+    ("model", "axis"),
+    [
+        ("tustin", ""),
+        ("milspec", ""),
+        ("", ""),
+        ("", "right"),
+        ("tustin", "ahead"),
+        ("milspec", "down"),
+    ],
+)
+def test_so_is_the_air(model, axis):
+    gust = GUSTS.get(axis)
+    turbulence = Turbulence(severity=4, wind_20ft=6.0, model=model) if model else None
     weather = Weather(wind=WIND, turbulence=turbulence, gust=gust)
-    step = compiled(load_aircraft("aerosonde"), turbulence=model, gust=gust is not None)
+    step = compiled(load_aircraft("aerosonde"), turbulence=model or None, gust=gust is not None)
 
     flown = flown_by_both("aerosonde", 4.0, step, weather=weather)
 

@@ -20,6 +20,7 @@ S, B, C = 0.55, 2.8956, 0.18994
 WEIGHT = MASS * 9.80665
 Q_S = 0.5 * RHO_1000 * V_A**2 * S
 SETTLING = 4e-3
+DUTCH_ROLL = 0.7  # of critical damping: docs of the design
 """Share by which gains move with the flow behind a propeller from evaluation to evaluation."""
 MOMENTUM, FOOT_POUND = 28.0, 1.3558179
 """Angular momentum of a propeller, ft lbf s, and N m in a foot-pound."""
@@ -128,6 +129,21 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
 
     assert alpha == pytest.approx(math.radians(3.4), abs=math.radians(0.3))
     assert yaw == pytest.approx(9.80665 / V_A, abs=0.03)
+
+
+def test_the_rudder_damps_sideslip_and_yaw_to_the_share_of_critical_that_is_stated(slopes):
+    rows = {what: dict(row) for what, row in slopes.slopes.items()}
+    rows["r_dot"]["beta"], rows["n_y"]["beta"] = 40.0, -3.0  # stiff, with much side force
+    airframe = Airframe(trimmed=slopes.trimmed, slopes=rows)
+
+    k_r = inner_loop_gains(airframe, AEROSONDE.design)["yaw/k_r"]
+
+    # beta' = (g/V) n_y - r, in turns of the path, and r' = N_beta beta + (N_r + N_rudder k_r) r
+    damped = rows["r_dot"]["r"] + rows["r_dot"]["rudder"] * k_r
+    turn = 9.80665 / slopes.trimmed.V_a * rows["n_y"]["beta"]
+    modes = np.linalg.eigvals([[turn, -1.0], [40.0, damped]])
+    assert k_r > 0.0
+    assert -modes.real.mean() == pytest.approx(DUTCH_ROLL * math.sqrt(40.0))
 
 
 @pytest.mark.parametrize("weathercock", [-1.0, 0.0, 0.5])

@@ -34,10 +34,12 @@ FAULTS = [
     {"cg_aft_m": 0.025},
     {"aileron_stuck_deg": 5.0},
     {"V_a_bias_mps": -4.0},
+    {"lift_factor": 0.8, "ended_s": 0.3},
+    {"drag_factor": 1.5, "ended_s": 0.3, "ended_by": "thrust"},
 ]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: next(iter(fault)))
+@pytest.mark.parametrize("fault", FAULTS, ids=" ".join)
 def test_a_fault_changes_nothing_before_its_time(fault):
     healthy, _ = flown(11)
     rows, _ = flown(11, **fault)

@@ -1,0 +1,64 @@
+"""Formulas of compiled steps that few aircraft use, against definitions."""
+
+import math
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flighttune.vehicles.compiled.engine_files import value_in
+from flighttune.vehicles.compiled.turboprops import _approach
+from flighttune.vehicles.compiled.vectors import matrix_of, quaternion_of
+
+ROUNDING = 1e-12
+JSBSIM_DIGITS = 2e-4
+"""Relative error of JSBSim's own factors, of which an inch of mercury has four digits."""
+
+INCH, POUND, HORSEPOWER = 0.0254, 0.45359237, 550.0 * 0.3048 * 0.45359237 * 9.80665
+FOOT, NEWTON = 12.0 * INCH, 1.0 / (POUND * 9.80665)
+INCH_OF_MERCURY, POUND_PER_INCH_2 = 3386.389, 9.80665 * POUND / INCH**2
+FACTORS = [
+    *(("M", "FT", 1.0 / FOOT), ("CM", "FT", 0.01 / FOOT), ("KM", "FT", 1000.0 / FOOT)),
+    *(("IN", "FT", 1.0 / 12.0), ("FT", "IN", 12.0), ("M", "IN", 1.0 / INCH)),
+    *(("M2", "FT2", FOOT**-2), ("IN2", "FT2", 1.0 / 144.0)),
+    *(("CC", "IN3", (100.0 * INCH) ** -3), ("FT3", "IN3", 1728.0), ("LTR", "IN3", 1e-3 * INCH**-3)),
+    *(("KG*M2", "SLUG*FT2", NEWTON / FOOT), ("N", "LBS", NEWTON), ("KG", "LBS", 1.0 / POUND)),
+    *(("KG/SEC", "LBS/SEC", 1.0 / POUND), ("WATTS", "HP", 1.0 / HORSEPOWER)),
+    *(("HP", "WATTS", HORSEPOWER), ("PSI", "INHG", POUND_PER_INCH_2 / INCH_OF_MERCURY)),
+    *(("ATM", "INHG", 101325.0 / INCH_OF_MERCURY), ("PA", "INHG", 1.0 / INCH_OF_MERCURY)),
+    *(("INHG", "PA", INCH_OF_MERCURY), ("INHG", "PSI", INCH_OF_MERCURY / POUND_PER_INCH_2)),
+    ("KG/KW*HR", "LBS/HP*HR", HORSEPOWER / 1000.0 / POUND),
+]
+
+
+@pytest.mark.parametrize(("given", "wanted", "factor"), FACTORS)
+def test_a_unit_of_an_engine_is_worth_what_its_definition_says(given, wanted, factor):
+    engine = fromstring(f'<engine><size unit="{given}">2.0</size></engine>')
+
+    assert value_in(engine, "size", wanted, 0.0) == pytest.approx(2.0 * factor, rel=JSBSIM_DIGITS)
+
+
+@pytest.mark.parametrize("largest", range(4))
+def test_a_quaternion_is_that_of_its_rotation_whichever_part_is_the_largest(largest):
+    parts = np.array([0.1, -0.2, 0.3, 0.25])
+    parts[largest] = 0.9
+    parts /= np.linalg.norm(parts)
+    # JSBSim's matrices turn axes, not vectors: the other way round
+    matrix = Rotation.from_quat(parts, scalar_first=True).as_matrix().T
+
+    q = np.array(quaternion_of(matrix.tolist()))
+
+    assert q * np.sign(q @ parts) == pytest.approx(parts, abs=ROUNDING)
+    assert np.array(matrix_of(q.tolist())) == pytest.approx(matrix, abs=ROUNDING)
+
+
+@pytest.mark.parametrize(("start", "target", "lag"), [(30.0, 90.0, 1.5), (90.0, 30.0, 4.0)])
+def test_a_turboprop_spools_up_and_down_by_a_time_constant_for_each(start, target, lag):
+    value, dt, steps = start, 1.0 / 120.0, 240
+
+    for _ in range(steps):
+        value = _approach(value, target, 1.5, 4.0, dt)
+
+    left = (start - target) * math.exp(-steps * dt / lag)
+    assert value == pytest.approx(target + left, rel=ROUNDING)
