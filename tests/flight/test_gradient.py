@@ -8,6 +8,7 @@ from flighttune.base.files.code import JSBSIM
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.gradient import _measured, _value, _with
 from flighttune.flight.load import chosen_entry
+from flighttune.flight.loop.duals import Dual, Rows
 
 # Five digits, and by how much differences of these widths differ among themselves: narrow ones are
 # noise, as JSBSim keeps positions at 2e9 ft, and in wide ones a limit is met at another sample.
@@ -134,6 +135,15 @@ def test_what_has_no_slope_is_refused(case):
     changes, asked, message = REFUSED[case]
     with pytest.raises(ft.InputError, match=message):
         ft.gradient(scenario(**changes), **asked)
+
+
+def test_a_value_that_is_set_is_that_of_the_rows_of_all_slopes():
+    array = Rows(np.array([1.0, 2.0]), np.array([[1.0, 0.0], [0.0, 1.0], [3.0, 4.0]]))
+
+    array[1] = Dual(7.0, np.array([5.0, 6.0, 8.0]))
+    array.share()
+
+    assert array.rows.tolist() == [[1.0, 7.0, 1.0, 5.0], [1.0, 7.0, 0.0, 6.0], [1.0, 7.0, 3.0, 8.0]]
 
 
 def test_slopes_need_compiled_code(monkeypatch):

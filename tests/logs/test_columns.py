@@ -126,6 +126,23 @@ def test_a_circle_shows_wind_and_unit_of_the_airspeed_with_and_without_a_nose(no
     assert found[1] == pytest.approx(wind, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("factor", "told"), [(0.51, False), (0.9, True), (1.2, True), (1.94, False)]
+)
+def test_a_wind_is_compared_only_where_airspeeds_are_nearly_those_over_ground(factor, told):
+    dt, V_a, wind = 0.1, 20.0, (6.0, -3.0)
+    psi = 0.1 * dt * np.arange(1200)
+    given = {"phi": 0.2 + 0.0 * psi, "V_a": V_a + 0.0 * psi, "psi": np.angle(np.exp(1j * psi))}
+    for name, part, air in zip(("north", "east"), (np.cos(psi), np.sin(psi)), wind, strict=True):
+        given |= {f"v_{name}": factor * V_a * part + air, f"wind_{name}": air + 0.0 * psi}
+
+    found = relations._wind(relations.Motion(given, dt))
+
+    assert isinstance(found, str) != told
+    if told:
+        assert found[1] == pytest.approx(np.tile(wind, (1200, 1)), abs=0.01)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["phi and phi_cmd", "n_z and n_z_cmd"])
 def test_a_command_in_the_place_of_its_response_is_not_identified(tmp_path, log_of, name):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from flighttune.vehicles.compiled.engine_files import value_in
+from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_in
 from flighttune.vehicles.compiled.turboprops import _approach
-from flighttune.vehicles.compiled.vectors import matrix_of, quaternion_of
+from flighttune.vehicles.compiled.vectors import euler_angles, matrix_of, quaternion_of
 
 ROUNDING = 1e-12
 JSBSIM_DIGITS = 2e-4
@@ -62,3 +62,48 @@ def test_a_turboprop_spools_up_and_down_by_a_time_constant_for_each(start, targe
 
     left = (start - target) * math.exp(-steps * dt / lag)
     assert value == pytest.approx(target + left, rel=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("phi", "theta", "psi"), [(0.3, 0.2, 1.0), (-2.8, -1.2, 3.5), (3.0, 1.4, 6.0), (0.4, 0.5, 0.0)]
+)
+def test_angles_are_those_of_their_rotation_with_the_heading_from_0_to_2_pi(phi, theta, psi):
+    matrix = Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix().T
+
+    assert euler_angles(matrix.tolist()) == pytest.approx((phi, theta, psi), abs=ROUNDING)
+
+
+@pytest.mark.parametrize("theta", [0.5 * math.pi, -0.5 * math.pi])
+def test_an_attitude_straight_up_or_down_has_its_turn_in_roll(theta):
+    matrix = Rotation.from_euler("ZYX", [0.0, theta, 0.7]).as_matrix().T
+    matrix[0, 2] = -math.copysign(1.0, theta)
+
+    assert euler_angles(matrix.tolist()) == pytest.approx((0.7, theta, 0.0), abs=ROUNDING)
+
+
+def propeller(text, thruster="", **attributes):
+    stated = " ".join(f'{name}="{value}"' for name, value in attributes.items())
+    part = fromstring(f"<propeller {stated}>{text}</propeller>")
+    motor, thruster = fromstring("<piston_engine/>"), fromstring(f"<thruster>{thruster}</thruster>")
+    return propeller_of(EngineFile(0, motor, thruster, part, np.eye(3).tolist()))
+
+
+@pytest.mark.parametrize(("version", "sign"), [("1.0", 1.0), ("1.01", -1.0), ("1.1", -1.0)])
+def test_propellers_of_files_newer_than_1_0_spin_the_other_way_in_jsbsim(version, sign):
+    """`Sense_multiplier` of FGPropeller.cpp."""
+    assert propeller("", version=version).moment_sign == sign
+
+
+def test_a_propeller_is_what_its_file_states_and_otherwise_what_jsbsim_takes():
+    """The defaults of the constructor of FGPropeller.cpp."""
+    bare = propeller("")
+    stated = propeller(
+        "<ixx>0.5</ixx><diameter>6</diameter><gearratio>2</gearratio><cp_factor>0.9</cp_factor>"
+        "<minpitch>10</minpitch><maxpitch>40</maxpitch><minrpm>850</minrpm><maxrpm>2700</maxrpm>",
+        "<sense>-1</sense><p_factor>3</p_factor>",
+    )
+
+    names = "inertia diameter gear_ratio power_factor sense p_factor moment_sign pitch governed"
+    of_bare, of_stated = (tuple(getattr(x, name) for name in names.split()) for x in (bare, stated))
+    assert of_bare == (1e-6, 0.001, 1.0, 1.0, 1.0, 0.0, 1.0, None, False)
+    assert of_stated == (0.5, 6.0, 2.0, 0.9, -1.0, 3.0, 1.0, (10.0, 40.0, 850.0, 2700.0), True)

@@ -97,6 +97,18 @@ def test_gust_has_the_shape_of_the_standard(fly, axis, peak, direction):
     assert along == pytest.approx(peak * shape, abs=1.1 * tilt)
 
 
+def test_turbulence_without_a_seed_is_that_of_seed_0():
+    def winds(**seed):
+        plant = ft.loop.JSBSimPlant("aerosonde", weather=BUMPY, **seed)
+        plant.start(ft.loop.FlightCondition(V_a=25.0))
+        plant.advance(0.0, 1.0, 0.1)
+        seen = dict(zip(plant.signals, plant.observe(), strict=True))
+        return [seen[f"wind_{axis}"] for axis in ("north", "east", "down")]
+
+    assert winds() == winds(seed=0)
+    assert winds() != winds(seed=1)
+
+
 def test_a_gust_in_a_bank_blows_along_the_wing(fly):
     phi = 30.0 * DEG
     gust = air.Weather(gust=air.Gust(axis="right", peak=4.0, start=0.5, rise=1.0))
