@@ -39,6 +39,7 @@ from fuzzing import first_or_all
 
 import flighttune as ft
 from flighttune.campaigns.engine import flyer, pool
+from flighttune.campaigns.engine.cluster import ClusterWorkers
 from flighttune.campaigns.engine.flyer import Flyer
 from tests.cli.test_code_of_files import LAW
 
@@ -217,6 +218,18 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     ft.run_campaign(ours, out, workers=2, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
+
+
+def test_a_scheduler_without_workers_is_there_until_it_is_lost(tmp_path):
+    with dask_cluster(tmp_path, workers=0) as (address, scheduler):
+        workers = ClusterWorkers(address)
+        assert workers.threads() == 0
+        scheduler.kill()
+        wait_until(lambda: workers._client.status != "running")
+
+        with pytest.raises(ft.FlightTuneError, match="connection to the scheduler is lost"):
+            workers.threads()
+        workers.stop()
 
 
 @pytest.mark.counts
