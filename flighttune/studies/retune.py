@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.answering import Answering
-from flighttune.base.arrays import FloatArray
+from flighttune.base.arrays import FloatArray, Floats
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import write_text
 from flighttune.base.units import DEG_PER_RAD
@@ -72,10 +72,16 @@ WEIGHTS = {
 # of a rate to that of the start.
 RATES, FASTER = {"roll": "phi_cmd", "load factor": "n_z_cmd"}, 2.0
 
-# Largest ratio of each mean error to that of the start, in the search and on the fresh draws. With
-# errors of navigation, which no parameter removes, height would otherwise pay for the cross track.
-# The largest error of a flight scatters more than a mean: it has a ratio of its own on fresh draws.
-SEARCHED_WORSE, WORSE, LARGEST_WORSE = 1.02, 1.05, 1.1
+# Largest ratio of each mean error to that of the start on the fresh draws. With errors of
+# navigation, which no parameter removes, height would otherwise pay for the cross track. The
+# largest error of a flight scatters more than a mean: it has a ratio of its own.
+WORSE, LARGEST_WORSE = 1.05, 1.1
+GROWTH = np.array([LARGEST_WORSE if name == LARGEST else WORSE for name in WEIGHTS]) - 1.0
+
+# Share of this growth that a candidate may take on the draws of the search, as fresh draws show
+# more of it or less, and its price as a share of the cost of the start: without one the search
+# stays at the bound.
+SEARCHED_GROWTH, PRICE = 0.8, 0.1
 
 # Least margins of both loops.
 GAIN_MARGIN_DB, PHASE_MARGIN_DEG = 6.0, 35.0
@@ -86,6 +92,10 @@ ACTIVE = 0.05
 # Flights by default, draws of each candidate, candidates of a generation, and first step as a share
 # of the range of a parameter.
 BUDGET, DRAWS, POPULATION, STEP = 600, 6, 8, 0.15
+
+# Candidates that fly on other draws than those of the search, and these draws: the best of many on
+# few draws owes some of its lead to them.
+FINALISTS, FINAL_DRAWS = 4, 12
 
 # Significant digits of a parameter.
 DIGITS = 3
@@ -198,12 +208,14 @@ class Search:
         self.candidates += made
         return made
 
-    def value(self, candidate: Candidate) -> float:
-        """What the search minimises: bounds, then lost aircraft, requirements, rates and cost."""
+    def value(self, candidate: Candidate, shift: Floats = 0.0) -> float:
+        """What the search minimises: bounds, then lost aircraft, requirements, rates and cost.
+
+        `shift` is added to the growth of the errors.
+        """
         if not candidate.allowed and candidate is not self.start:
             return BROKEN * (1.0 + sum(max(x - 1.0, 0.0) for x in candidate.held.values()))
-        bounded = *candidate.rates / self.start.rates / FASTER, *self.error_ratios(candidate)
-        beyond = float(np.nanmax(bounded, initial=1.0)) - 1.0
+        beyond = max([1.0, *self.used(candidate, shift).values()]) - 1.0
         cost = candidate.cost / self.start.cost if candidate.cost < math.inf else 0.0
         return (
             LOST * candidate.lost
@@ -211,16 +223,25 @@ class Search:
             + BEYOND * beyond
             + (beyond > 0.0)  # costs are near 1: what is beyond a bound is worse than the start
             + cost
+            + PRICE * float(np.nanmax(self.growth(candidate) + shift, initial=0.0))
         )
+
+    def used(self, candidate: Candidate, shift: Floats = 0.0) -> dict[str, float]:
+        """Each bound that needs flights, with the value over the bound; none without a number."""
+        rates = candidate.rates / self.start.rates / FASTER
+        grown = (self.growth(candidate) + shift) / SEARCHED_GROWTH
+        used = {f"the rate of the commanded {x}": r for x, r in zip(RATES, rates, strict=True)}
+        used |= {f"the bound on the {x}": r for x, r in zip(WEIGHTS, grown, strict=True)}
+        return {name: float(x) for name, x in used.items() if not math.isnan(x)}
 
     # A model of lags keeps its airspeed exactly: a ratio of zeros is no number, and bounds nothing.
     @np.errstate(invalid="ignore")
-    def error_ratios(self, candidate: Candidate) -> FloatArray:
-        """Errors over their bounds by those of the start, in the mean and in the middle draw."""
+    def growth(self, candidate: Candidate) -> FloatArray:
+        """Growth of errors over that of the start, in the mean and middle draw, over `GROWTH`."""
         both = candidate.each.keys() & self.start.each.keys()
         ratios = [candidate.each[draw] / self.start.each[draw] for draw in both]
         middle = np.median(ratios, axis=0) if ratios else np.full(len(WEIGHTS), np.nan)
-        return np.fmax(candidate.errors / self.start.errors, middle) / SEARCHED_WORSE
+        return (np.fmax(candidate.errors / self.start.errors, middle) - 1.0) / GROWTH
 
     def descend(self, ranges: Sequence[Range], budget: int) -> None:
         """Descend from the start within the ranges, up to `budget` flights."""
@@ -243,6 +264,18 @@ class Search:
         """The best candidate within the bounds; the start if none is better."""
         inside = [x for x in self.candidates if x.allowed]
         return min([self.start, *inside], key=self.value)
+
+    def choose(self, final: "Search") -> Candidate:
+        """The best of the start and a few candidates on the draws of another search."""
+        left = [x for x in self.candidates if x.allowed and x is not self.start]
+        shift: FloatArray = np.zeros(len(WEIGHTS))
+        while left and len(final.candidates) <= FINALISTS:
+            chosen = min(left, key=partial(self.value, shift=shift))
+            left = [x for x in left if x.law.parameters != chosen.law.parameters]
+            (flown,) = final.fly([chosen.law])
+            # Errors of similar candidates grow by similar amounts more on these draws.
+            shift = np.nan_to_num(final.growth(flown) - self.growth(chosen))
+        return final.best
 
 
 def fly(plan: Plan, laws: Mapping[str, Autopilot], draws: int, kept: KeptRows) -> pd.DataFrame:
@@ -334,10 +367,11 @@ class Retuned(Answering):
         A row for each flight of the count; ``gains`` is ``yours`` or ``tuned``.
     start, best : Candidate
         Both with the flights of the count.
-    flights, candidates : int
-        Numbers of all flights, and of candidates of which some never flew.
+    flights, candidates, finalists : int
+        Numbers of all flights, of candidates of which some never flew, and of those that flew on
+        other draws than those of the search.
     held_by : tuple of str
-        The bounds that hold the result.
+        The bounds that hold the result, or that refused what costs less.
     against : tuple of str
         Why the result is not written; empty if it is better.
     notes : tuple of str
@@ -355,6 +389,7 @@ class Retuned(Answering):
     best: Candidate
     flights: int
     candidates: int
+    finalists: int
     held_by: tuple[str, ...]
     against: tuple[str, ...]
     notes: tuple[str, ...]
@@ -485,7 +520,8 @@ def retune(
 def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPool) -> Retuned:
     ranges, notes = ranges_of(now, file.name)
     fresh = counts.fresh or flights_needed(EPSILON, CONFIDENCE, 1)
-    budget, least = counts.budget, 2 * fresh + (1 + POPULATION) * DRAWS
+    finals = (1 + FINALISTS) * FINAL_DRAWS
+    budget, least = counts.budget, 2 * fresh + finals + (1 + POPULATION) * DRAWS
     if budget < least:
         raise InputError(
             f"`budget` must be at least {least} flights, {2 * fresh} of them for the count on "
@@ -495,13 +531,17 @@ def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPoo
     full = replace(
         now.law, parameters={**{x.name: drawn[x.name] for x in ranges}, **now.law.parameters}
     )
-    seen = replace(plan, campaign=plan.campaign.model_copy(update={"seed": plan.campaign.seed + 1}))
+    searched, chosen = (
+        replace(plan, campaign=plan.campaign.model_copy(update={"seed": plan.campaign.seed + n}))
+        for n in (1, 2)
+    )
     decides = {"plan": plan.as_dict(), "start": dict(full.parameters)}
     kept = KeptRows(counts.kept, decides, pool)
     pool.progress.budget = budget - len(kept)
-    search = Search(seen, full, kept, DRAWS)
-    search.descend(ranges, budget - 2 * fresh)
-    best = search.best
+    search = Search(searched, full, kept, DRAWS)
+    search.descend(ranges, budget - 2 * fresh - finals)
+    final = Search(chosen, full, kept, FINAL_DRAWS)
+    best = search.choose(final)
     laws = {YOURS: full, TUNED: best.law}
     rows = fly(plan, laws, fresh, kept)
     kept.remove()
@@ -516,9 +556,10 @@ def _retuned(plan: Plan, now: Flown, file: Path, counts: Counts, pool: WorkerPoo
         rows=rows,
         start=start,
         best=result,
-        flights=search.flights + len(rows),
+        flights=search.flights + final.flights + len(rows),
         candidates=len(search.candidates),
-        held_by=(*_held_by(search, best, ranges),),
+        finalists=len(final.candidates) - 1,
+        held_by=(*_held_by(search, final, ranges),),
         against=(*_against(start, result, rows),),
         notes=(*lags_alone(plan), *notes, *now.notes, *_beyond(now)),
         tracking=[],
@@ -530,14 +571,17 @@ def _beyond(now: Flown) -> list[str]:
     return [f"Beyond their published ranges: {listed(now.beyond)}."] * bool(now.beyond)
 
 
-def _held_by(search: Search, best: Candidate, ranges: Sequence[Range]) -> list[str]:
-    """The bounds within `ACTIVE` of the result."""
-    used = dict(best.held)
-    ratios = best.rates / search.start.rates / FASTER
-    used |= {f"the rate of the commanded {x}": r for x, r in zip(RATES, ratios, strict=True)}
-    grown = search.error_ratios(best)
-    used |= {f"the bound on the {x}": r for x, r in zip(WEIGHTS, grown, strict=True)}
-    held = [name for name, share in used.items() if share >= 1.0 - ACTIVE]
+def _held_by(search: Search, final: Search, ranges: Sequence[Range]) -> list[str]:
+    """The bounds within `ACTIVE` of the result, or those that refuse whatever costs less."""
+    best = final.best
+    if best is final.start:
+        # The finalists tell more than the search, if there are any.
+        of = final if len(final.candidates) > 1 else search
+        cheaper = [x for x in of.candidates if x.cost < of.start.cost]
+        refused = min(cheaper, key=lambda x: x.cost, default=None)
+        used = {} if refused is None else refused.held | of.used(refused)
+        return [name for name, share in used.items() if share > 1.0]
+    held = [x for x, share in (best.held | final.used(best)).items() if share >= 1.0 - ACTIVE]
     places = {x: x.place(best.law.parameters[x.name]) for x in ranges}
     low, high = ACTIVE / 5.0, 1.0 - ACTIVE / 5.0
     return held + [f"the range of {x.name}" for x, at in places.items() if not low < at < high]
@@ -564,9 +608,11 @@ def _against(start: Candidate, best: Candidate, rows: pd.DataFrame) -> list[str]
     for i, (name, (_, unit)) in enumerate(WEIGHTS.items()):
         old, new = start.errors[i], best.errors[i]
         _, surely = larger(errors[TUNED][:, i], errors[YOURS][:, i])
-        most = LARGEST_WORSE if name == LARGEST else WORSE
-        if surely and new > most * old:
-            said.append(f"the {name} grows from {old:.3g} to {new:.3g} {unit} in the mean")
+        if surely and new > (1.0 + GROWTH[i]) * old:
+            said.append(
+                f"the {name} grows from {old:.3g} to {new:.3g} {unit} in the mean, by more than "
+                f"{100.0 * GROWTH[i]:.0f} %"
+            )
     wins, surely = larger(costs(errors[YOURS]), costs(errors[TUNED]))
     if not (best.cost < start.cost and surely):
         said.append(

@@ -5,7 +5,7 @@ from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
-from flighttune.studies.retune import TUNED, WEIGHTS, Candidate, Retuned
+from flighttune.studies.retune import DRAWS, FINAL_DRAWS, TUNED, WEIGHTS, Candidate, Retuned
 
 CHANGES = columns("name old new range why", of="retuned")
 ACCURACY = columns("of yours tuned unit better flights share", of="retuned_errors")
@@ -50,6 +50,7 @@ def answer(retuned: Retuned) -> Answer:
             "tracking": retuned.tracking,
             "flights": retuned.flights,
             "candidates": retuned.candidates,
+            "finalists": retuned.finalists,
         },
         tables=[
             Table(CHANGES, rows, f"parameters of {retuned.now.name}"),
@@ -83,7 +84,9 @@ def sentence(retuned: Retuned) -> str:
     counted = f"Lost {lost} of {n} fresh draws, yours | tuned"
     after = f"after {retuned.flights} flights of {retuned.candidates} candidates"
     if retuned.against:
-        return f"{counted}. Nothing is written, {after}: {listed(retuned.against)}."
+        refused = f" What costs less is refused by {listed(retuned.held_by)}."
+        refused *= bool(retuned.held_by and not retuned.changes)
+        return f"{counted}. Nothing is written, {after}: {listed(retuned.against)}.{refused}"
     held = listed(retuned.held_by) or "no bound"
     larger = f" These errors in the table below are larger with them: {listed(retuned.larger)}."
     larger *= bool(retuned.larger)
@@ -108,6 +111,8 @@ def told(retuned: Retuned) -> str:
     if (k := retuned.sure_from) <= n:
         sure = f"A difference is sure if one is better in {k} of them"
     return (
+        f"Of {retuned.candidates} candidates on {DRAWS} draws {retuned.finalists} flew on "
+        f"{FINAL_DRAWS} others, and the best of these on {n} that are fresh. "
         f"{n} draws show, at a confidence of {CONFIDENCE:g}, that at most {shares} of all flights "
         f"are lost. {sure}. Rarer losses and smaller differences need more `flights`."
     )
