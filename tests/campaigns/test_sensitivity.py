@@ -179,3 +179,8 @@ def test_few_values_are_classes_of_their_own_and_many_are_split_into_equal_ones(
 
     assert findings.classes_of(few).tolist() == [0] * 56 + [2] * 2 + [1] * 2
     assert findings.classes_of(many, 4).tolist() == sorted([0, 1, 2, 3] * 25, reverse=True)
+
+
+@pytest.mark.parametrize("column", [["calm"] * 4, ["a", "b", "c", "d"]])
+def test_a_category_with_one_value_or_as_many_as_rows_has_no_share(column):
+    assert np.isnan(findings._share(pd.Series(column), np.arange(4.0))).all()

@@ -335,6 +335,18 @@ def bent_path():
     return plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
 
 
+@pytest.mark.parametrize(("east", "side"), [(0.05, "right"), (-0.05, "left")])
+def test_an_edge_that_nearly_touches_a_path_is_on_its_own_side(tmp_path, east, side):
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
+    far = -90.0 if east > 0.0 else 90.0
+    box = (-50, east), (900, east), (900, far), (-50, far)
+
+    nearest = read_fence(fence_file(tmp_path / "box.geojson", box), ORIGIN).nearest(leg)
+
+    assert nearest["side"] == side
+    assert nearest["margin_m"] == pytest.approx(0.05, abs=0.01)
+
+
 def test_the_nearest_edge_is_named_by_its_zone_whatever_zones_come_before(tmp_path):
     leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
     box, triangle = ((-50, -90), (-50, 90), (900, 90), (900, -90)), ((9, 60), (9, 80), (99, 70))
