@@ -21,6 +21,7 @@ from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import plan_campaign
 from flighttune.campaigns.planning.source import Flights, airframes
 from flighttune.claims.band import Band
+from flighttune.control.gains import PIGains
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import tune
@@ -31,19 +32,19 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.outputs.live.picture import MAX_FLOWN, MAX_GHOSTS, pieces
 from flighttune.outputs.live.sliders import (
     Values,
-    gain_values,
+    gain_sliders,
     moved,
     sliders_of,
     with_one_gain_set,
 )
-from flighttune.routes.fence import Fence, fence_tables, read_fence
+from flighttune.routes.fence import fence_tables, read_fence
 
 # Aircraft of the button *20 aircraft*, default budget of a search (flights), and longest wait for a
 # stopped search to end, s.
 AIRCRAFT, BUDGET, END_S = 20, 400, 10.0
 
-# What a search says at its end, and values for the sliders of its window, by their keys.
-Found: TypeAlias = tuple[str, Values]
+# What a search says at its end, and gains for the sliders of its window.
+Found: TypeAlias = tuple[str, PIGains | None]
 
 Sent: TypeAlias = dict[str, int | FiniteFloat | str]
 
@@ -61,15 +62,13 @@ class Asked(BaseModel):
 class Search(CampaignObserver):
     """A search that a page may stop; its state is replaced, never changed."""
 
-    # The state tells every window what the search does and for which window, what is said of it,
-    # the finished part, whether it is done or has failed, and values for the sliders of its window.
     def __init__(self, doing: str = "", window: str = "") -> None:
-        self._always = {"doing": doing, "window": window}
+        self.state: Mapping[str, Any] = {"doing": doing, "window": window}
         self.show("starting", 0.0)
 
     def show(self, said: str, part: float = 1.0, **more: Any) -> None:
-        """Say how far the search is, or how it ended."""
-        self.state: Mapping[str, Any] = {**self._always, "said": said, "part": part, **more}
+        """Say how far the search is; or that it is `done`, has `failed`, and `values` it found."""
+        self.state = {**self.state, "said": said, "part": part, **more}
 
     def see(self, progress: CampaignProgress) -> None:
         """Show the progress of flights."""
@@ -93,7 +92,9 @@ class Desk:
         self.sliders = sliders_of(self.scenario, self.gains)
         self.search = Search()
         self._stated, self._folder, self._budget, self._recorded = flights, folder, budget, recorded
-        self._fence = _fence_of(flights)
+        self._fence = None
+        if (tables := fence_tables(flights.fences)) and (route := flights.scenario.route):
+            self._fence = read_fence(flights.fences[0], route.origin, tables)
         self._flown = lru_cache(MAX_FLOWN)(self._fly)
         # The last cloud and the last corridor, by the values that they were flown with.
         self._clouds: dict[str, list[Run]] = {}
@@ -103,19 +104,20 @@ class Desk:
         in_thread(self._fly_ahead)
 
     def _fly_ahead(self) -> None:
-        """Fly the start before a browser asks for it: the first flight loads libraries."""
-        with suppress(FlightTuneError), self._flying:  # the page shows the error when it asks
-            self._flown(_key({}))
+        """Draw the start before a browser asks for it: the first flight loads libraries."""
+        with suppress(FlightTuneError):  # the page shows the error when it asks
+            self.picture(Asked(values={}))
 
     def picture(self, asked: Asked) -> dict[str, str]:
-        """Pieces of the page after a move; its script asks for the next one after the answer."""
+        """HTML of the page after a move; its script asks for the next one after the answer."""
         with self._flying:
             key = _key(asked.values)
             now = self._flown(key)
             if key in self._corridors:
                 now = now.within(self._corridors[key])
             ghosts = {name: self._flown(_key(values)) for name, values in asked.ghosts.items()}
-            return pieces(now, ghosts, self._clouds.get(key, []), self._recorded, self._fence)
+            cloud = self._clouds.get(key, [])
+            return {"pieces": pieces(now, ghosts, cloud, self._recorded, self._fence)}
 
     def _fly(self, key: str) -> FlownScenario:
         return fly(moved(self.scenario, self.sliders, json.loads(key)))
@@ -131,8 +133,9 @@ class Desk:
         def run() -> None:
             try:
                 with stopped_by(search.go_on):
-                    said, found = work(scenario, asked.values, search)
-                search.show(said, done=True, values=found)
+                    said, gains = work(scenario, asked.values, search)
+                values = {x.key: x.value for x in gain_sliders(gains)} if gains else {}
+                search.show(said, done=True, values=values)
             except StoppedError:
                 search.show("stopped; nothing has changed.", done=True)
             except FlightTuneError as error:
@@ -156,7 +159,7 @@ class Desk:
         result = tune(scenario)
         if result.gains is None:
             raise InputError(result.reason or "no gains meet the constraints.")
-        return f"R_K is {result.R_K:.4g} 1/s.", gain_values(result.gains)
+        return f"R_K is {result.R_K:.4g} 1/s.", result.gains
 
     def _meet(self, scenario: Scenario, _: Values, search: Search) -> Found:
         from flighttune.studies.meet import meet  # here, so that the page opens quickly
@@ -164,7 +167,7 @@ class Desk:
         known = _navigation(scenario)
         meeting = meet(scenario, budget=self._budget, navigation=known, observer=search)
         answer = meeting.answer()
-        return answer.verdict or answer.failure, gain_values(meeting.gains)
+        return answer.verdict or answer.failure, meeting.gains
 
     def _aircraft(self, scenario: Scenario, values: Values, search: Search) -> Found:
         """Fly aircraft that differ, one by one; moves of sliders are flown in between."""
@@ -175,7 +178,7 @@ class Desk:
                 flown += fly(plan.scenario_of(number)).runs
             search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
         self._clouds = {_key(values): flown}
-        return f"{AIRCRAFT} aircraft have flown, varied as those of missions.", {}
+        return f"{AIRCRAFT} aircraft have flown, varied as those of missions.", None
 
     def _corridor(self, scenario: Scenario, values: Values, search: Search) -> Found:
         """Count the corridor and the odds of leaving the fence of a mission, in the page's air."""
@@ -184,7 +187,7 @@ class Desk:
         drawn = replace(self._stated, scenario=scenario, campaign=airframes(scenario))
         odds = mission(drawn, navigation=_navigation(scenario), observer=search)
         self._corridors = {_key(values): odds.band} if odds.band else {}
-        return " ".join(odds.answer().summary[:2]), {}
+        return " ".join(odds.answer().summary[:2]), None
 
     def save(self, asked: Asked) -> dict[str, str]:
         """Write scenario and gains, or a recording, into a new folder inside the page's folder."""
@@ -219,9 +222,3 @@ def _key(values: Values) -> str:
 def _navigation(scenario: Scenario) -> Knowledge:
     """What the page flies: searches and counts would take a standard receiver on routes."""
     return scenario.navigation.grade if scenario.navigation else "exact"
-
-
-def _fence_of(flights: Flights) -> Fence | None:
-    """The fence of a mission, if it has one."""
-    tables, route = fence_tables(flights.fences), flights.scenario.route
-    return read_fence(flights.fences[0], route.origin, tables) if tables and route else None

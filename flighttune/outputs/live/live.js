@@ -1,32 +1,23 @@
 // Sends the values of the sliders that moved, one request at a time and always the newest, and shows the answer.
 (() => {
-  const mine = String(Math.random()).slice(2), form = document.querySelector("form");
+  const mine = crypto.randomUUID(), form = document.querySelector("form");
   const at = (id) => document.getElementById(id), all = (which) => [...document.querySelectorAll(which)];
-  const of = (key) => all(`[data-key="${key}"]`);
-  // A range has the exact value of the start; the number beside it is rounded.
-  const exact = (key) => now[key] ?? Number(of(key)[0].defaultValue);
-  let now = {}, ghosts = { start: {} }, snapshots = 0;
+  const inputs = Object.fromEntries([...form.elements].filter(({ name }) => name).map((input) => [input.name, input]));
+  const valueOf = ({ type, value }) => (type.startsWith("select") ? value : Number(value));
+  const start = Object.fromEntries(Object.entries(inputs).map(([key, input]) => [key, valueOf(input)]));
+  // Exact values: a number beside a slider is rounded.
+  const now = { ...start };
+  const moved = () => Object.fromEntries(Object.entries(now).filter(([key, value]) => value !== start[key]));
+  let ghosts = { start: {} }, snapshots = 0;
 
-  const set = (key, value, from) => {
-    now[key] = value;
-    for (const input of of(key)) {
-      input.closest(".row").classList.add("moved");
-      if (input.type === "range") {
-        input.min = Math.min(input.min, value);
-        input.max = Math.max(input.max, value);
-      }
-      if (input !== from) input.value = input.type === "number" ? Number(value.toPrecision(5)) : value;
-    }
-  };
-
-  const ask = async (what, more) => {
-    const body = JSON.stringify({ window: mine, values: now, ...more });
-    return (await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body })).json();
-  };
   const say = (text, failed, command) => {
     at("said").className = failed ? "no" : "";
     at("said").textContent = text;
     if (command) at("said").append(": ", Object.assign(document.createElement("code"), { textContent: command }));
+  };
+  const ask = async (what, more) => {
+    const body = JSON.stringify({ window: mine, values: moved(), ...more });
+    return (await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body, keepalive: true })).json();
   };
 
   let wanted = false, flying = false, number = 0;
@@ -37,10 +28,11 @@
     try {
       while (wanted) {
         wanted = false;
-        const pieces = await ask("picture", { ghosts });
-        if (pieces.failed) { say(pieces.failed, true); continue; }
+        const { pieces, failed } = await ask("picture", { ghosts });
+        if (failed) { say(failed, true); continue; }
         if (at("said").className) say("");
-        for (const [id, html] of Object.entries(pieces)) if (at(id).innerHTML !== html) at(id).innerHTML = html;
+        for (const { id, innerHTML } of new DOMParser().parseFromString(pieces, "text/html").body.children)
+          if (at(id).innerHTML !== innerHTML) at(id).innerHTML = innerHTML;
         dispatchEvent(new Event("drawn"));
         document.body.dataset.drawn = ++number;
       }
@@ -50,34 +42,40 @@
     flying = false;
   };
 
-  form.addEventListener("input", ({ target }) => {
-    const { key, together } = target.dataset, before = key && exact(key);
-    if (!key || target.type === "number" && (target.value === "" || !target.checkValidity())) return;
-    let value = target.tagName === "SELECT" ? target.value : Number(target.value);
-    if (target.type === "range" && target.step === "any") value = Number(value.toPrecision(4));
-    set(key, value, target);
-    if (together && before && at("together").checked) {
-      for (const other of all(`[type=range][data-together="${together}"]`).map((input) => input.dataset.key)) {
-        if (other !== key) set(other, Number((exact(other) * value / before).toPrecision(6)));
+  // Sets sliders and the numbers beside them, but for the one that is being typed.
+  const set = (values, typed) => {
+    Object.assign(now, values);
+    for (const [key, value] of Object.entries(values)) {
+      const input = inputs[key];
+      if (input.type === "range") {
+        input.min = Math.min(input.min, value);
+        input.max = Math.max(input.max, value);
+        if (at(key) !== typed) at(key).value = Number(value.toPrecision(5));
       }
+      input.value = value;
+      input.closest(".row").classList.toggle("moved", value !== start[key]);
     }
     redraw();
-  }, true);
-  form.onsubmit = () => false;
-  at("reset").onclick = () => {
-    for (const input of all("[data-key]")) input.value = input.defaultValue ?? input.querySelector("[selected]").value;
-    all(".moved").forEach((row) => row.classList.remove("moved"));
-    now = {};
-    redraw();
   };
+  form.oninput = ({ target }) => {
+    const key = target.name || target.id, { together } = inputs[key]?.dataset ?? {};
+    if (!inputs[key] || target.value === "" || !target.checkValidity()) return;
+    let value = valueOf(target);
+    if (target.step === "any" && target.name) value = Number(value.toPrecision(4));
+    const values = { [key]: value };
+    if (together && now[key] && at("together").checked)
+      for (const other of all(`[data-together="${together}"]`).filter(({ name }) => name !== key))
+        values[other.name] = Number((now[other.name] * value / now[key]).toPrecision(6));
+    set(values, target);
+  };
+  form.onsubmit = () => false;
+  at("reset").onclick = () => set(start);
   at("snapshot").onclick = () => {
-    ghosts = Object.fromEntries([...Object.entries(ghosts), [`snapshot ${++snapshots}`, { ...now }]].slice(-5));
+    ghosts = Object.fromEntries([...Object.entries(ghosts), [`snapshot ${++snapshots}`, moved()]].slice(-5));
     redraw();
   };
   at("legend").onclick = ({ target: { dataset: { forget } } }) => {
-    if (!forget) return;
-    delete ghosts[forget];
-    redraw();
+    if (forget && delete ghosts[forget]) redraw();
   };
   for (const button of all("[data-ask]")) {
     button.onclick = async () => {
@@ -86,15 +84,17 @@
     };
   }
 
-  new EventSource("events").onmessage = (event) => {
-    const state = JSON.parse(event.data);
-    at("search").hidden = Boolean(state.done);
-    for (const button of all("[data-doing]")) button.ariaBusy = String(!state.done);
-    document.querySelector("#search progress").value = state.part;
-    say(`${state.doing}: ${state.said}`, state.failed);
-    if (!state.done || state.window !== mine) return;
-    for (const [key, value] of Object.entries(state.values ?? {})) set(key, value);
-    redraw();
+  let searching = false;
+  new EventSource("events").onmessage = ({ data }) => {
+    const { doing, said, part, done, failed, window, values } = JSON.parse(data);
+    searching = !done && window === mine;
+    at("search").hidden = Boolean(done);
+    for (const button of all("[data-doing]")) button.disabled = !done;
+    document.querySelector("progress").value = part;
+    say(`${doing}: ${said}`, failed);
+    if (done && window === mine) set(values ?? {});
   };
+  // What is found would have no sliders to move.
+  addEventListener("pagehide", () => searching && ask("stop"));
   redraw();
 })();

@@ -100,5 +100,6 @@ def _stated(
     if not flown:
         raise RecordingError(f"{source}: a run must have flown, got none.")
     first = flown[0].provenance.gains_name
-    runs = [renamed(run, "recorded") for run in flown if run.provenance.gains_name == first]
-    return flights(scenario_of(flown[0]), aircraft=aircraft, changes=changes), runs
+    *_, last = (run for run in flown if run.provenance.gains_name == first)
+    scenario = scenario_of(flown[0])
+    return flights(scenario, aircraft=aircraft, changes=changes), [renamed(last, "recorded")]

@@ -33,9 +33,6 @@ LOOP = "R_K I_K E_K gain_margin_dB phase_margin_rad delay_margin_s"
 GHOSTS = tuple(LineStyle(*shade, 1.5, True) for shade in (PLANTS[0], *(hue[1] for hue in HUES[2:])))
 CLOUD, RECORDED = LineStyle(*HUES[0][1], 0.5, False), LineStyle(*HUES[1][0], 1.6, False)
 
-# Pieces by the id of their element on the page.
-PIECES = "about", "verdict", "legend", "charts", "requirements", "numbers"
-
 
 def pieces(
     now: FlownScenario,
@@ -43,8 +40,8 @@ def pieces(
     cloud: Sequence[Run],
     recorded: Sequence[Run],
     fence: Fence | None,
-) -> dict[str, str]:
-    """HTML of each piece of the page.
+) -> str:
+    """HTML of the pieces of the page, each in an element with its id.
 
     `ghosts` by name, the start first, `cloud` of aircraft that differ, and runs of a recording or
     of the log of a real flight are drawn beside the flights of `now`. Of a ghost the last plant is
@@ -58,38 +55,27 @@ def pieces(
         *zip(named.values(), GHOSTS, strict=False),
     )
     flights = _flown(*((run, styles[run.label]) for run in now.runs))
-    sentences = [f"{run.label}: {run.outcome}." for run in now.runs if run.status != "completed"]
+    required = "The scenario has no requirement for these gains"
+    sentences = [required if now.claim.verdict == "not tested" else short(now.claim)]
+    sentences += [f"{run.label}: {run.outcome}" for run in now.runs if run.status != "completed"]
     if cloud:
-        sentences.append(f"{crowd}: {short(check_claim(now.scenario, cloud))}.")
-    loop = measures_of_loop(now)
-    shown = {
-        "about": panels.flown_in_words(now.scenario, now.runs),
-        "claim": now.claim,
-        "said": short(now.claim),
-        "loop": [(x.heading, x.text(loop)) for x in columns(LOOP)] if loop else [],
-        "sentences": sentences,
-        "legend": {run.label: style for run, style in (*flights, *others)}.items(),
-        "ghosts": {run.label: name for name, run in named.items()},
-        "charts": _charts(flights, others, fence) if flights else [],
-        "requirements": [_requirement(x) for x in now.claim.bounds],
-        "numbers": _tables({"now": now, **ghosts}),
-    }
-    template = page_template("flighttune.outputs.live", "pieces.html.jinja")
-    made = template.make_module({"styles": {}})
-    return {name: printable(getattr(made, name)(shown)) for name in PIECES}
+        sentences.append(f"{crowd}: {short(check_claim(now.scenario, cloud))}")
+    page = page_template("flighttune.outputs.live", "pieces.html.jinja").render(
+        about=panels.flown_in_words(now.scenario, now.runs),
+        verdict=now.claim.verdict,
+        sentences=sentences,
+        requirements=[_requirement(check) for check in now.claim.bounds],
+        legend={run.label: style for run, style in (*flights, *others)},
+        ghosts={run.label: name for name, run in named.items()},
+        charts=_charts(flights, others, fence) if flights else [],
+        tables=_tables({"now": now, **ghosts}),
+        styles={},
+    )
+    return printable(page)
 
 
 def _flown(*drawn: tuple[Run, LineStyle]) -> Drawn:
     return [(run, style) for run, style in drawn if len(run.signals) > 1]
-
-
-@lru_cache(MAX_FLOWN)
-def measures_of_loop(flown: FlownScenario) -> Mapping[str, float]:
-    """Indicators and margins of the linear loop; empty for a law without gains."""
-    made_by = flown.runs[0].provenance
-    if made_by.gains is None:
-        return {}
-    return loop_measures(entry_of(flown.scenario, made_by.gains_name, made_by.gains), LOOP.split())
 
 
 def _requirement(check: BoundCheck) -> dict[str, Any]:
@@ -99,20 +85,29 @@ def _requirement(check: BoundCheck) -> dict[str, Any]:
 
 def _tables(named: Mapping[str, FlownScenario]) -> list[Table]:
     """Tables of the linear loop and of the flights, now and of the last plant of each ghost."""
-    loops = [
-        {"which": name, **measures}
-        for name, flown in named.items()
-        if (measures := measures_of_loop(flown))
-    ]
+    loops = [{"which": name, **measures_of_loop(flown)} for name, flown in named.items()]
     records = [
         {**record, "gains": name}
         for name, flown in named.items()
         for record in flown.records({})[0 if name == "now" else -1 :]
     ]
-    route = named["now"].scenario.route is not None
-    shown = [replace(x, name="at") if x.key == "gains" else x for x in RUN_COLUMNS]
-    flights = Table(ROUTE_COLUMNS if route else shown, records, "Flights")
-    return [Table(columns(f"which {LOOP}"), loops, "Linear loop"), flights]
+    all_completed = {record["status"] for record in records} == {"completed"}
+    shown = [
+        replace(x, name="which") if x.key == "gains" else x
+        for x in (ROUTE_COLUMNS if named["now"].scenario.route else RUN_COLUMNS)
+        if x.key != "status" or not all_completed
+    ]
+    linear = Table(columns(f"which {LOOP}"), loops, "Linear loop")
+    return [linear, Table(shown, records, "Flights")]
+
+
+@lru_cache(MAX_FLOWN)
+def measures_of_loop(flown: FlownScenario) -> Mapping[str, float]:
+    """Indicators and margins of the linear loop; empty for a law without gains."""
+    made_by = flown.runs[0].provenance
+    if made_by.gains is None:
+        return {}
+    return loop_measures(entry_of(flown.scenario, made_by.gains_name, made_by.gains), LOOP.split())
 
 
 def _charts(flights: Drawn, others: Drawn, fence: Fence | None) -> list[Chart]:

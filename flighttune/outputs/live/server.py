@@ -6,6 +6,7 @@ import secrets
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractContextManager
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -14,16 +15,11 @@ import uvicorn
 from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import (
-    HTMLResponse,
-    JSONResponse,
-    PlainTextResponse,
-    Response,
-    StreamingResponse,
-)
+from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from flighttune.base.errors import FlightTuneError, InputError, printable
@@ -43,16 +39,16 @@ MAX_BYTES, MAX_CONNECTIONS = 65_536, 64
 TELL_S, LOOK_S, CLOSED_S, END_S, JOIN_S = 0.2, 0.2, 3.0, 1, 10.0
 
 # The page itself adds to this policy its one script, and that it connects to this server alone.
-HEADERS = {
-    "Cache-Control": "no-store",
-    "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",  # the address holds the token
-    "X-Content-Type-Options": "nosniff",
-}
+HEADERS = [
+    ("Cache-Control", "no-store"),
+    ("Content-Security-Policy", "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"),
+    ("Cross-Origin-Resource-Policy", "same-origin"),
+    ("Referrer-Policy", "no-referrer"),  # the address holds the token
+    ("X-Content-Type-Options", "nosniff"),
+]
 
 
-class Opened:
+class Opened(AbstractContextManager["Opened"]):
     """A page that is served until it is closed.
 
     Attributes
@@ -86,6 +82,7 @@ class Opened:
         )
         config = uvicorn.Config(
             application,
+            headers=HEADERS,
             log_config=None,
             lifespan="off",
             limit_concurrency=MAX_CONNECTIONS,
@@ -111,9 +108,6 @@ class Opened:
         self._thread.join(JOIN_S)
         self._socket.close()
 
-    def __enter__(self) -> "Opened":
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
@@ -131,15 +125,13 @@ class Opened:
         allowed = secrets.compare_digest(token.encode(), self._token.encode())
         allowed &= told.get("origin", ours if get else "") == ours
         allowed &= told.get("sec-fetch-site", "none") in ("none", "same-origin")
-        response: Response = PlainTextResponse("there is no such page", 404)
         if allowed and get and not name:
-            response = HTMLResponse(self._page())
-        elif allowed and get and name == "events":
-            response = StreamingResponse(self._told(), media_type="text/event-stream")
-        elif allowed and not get and name in self._verbs:
-            response = await _done(request, self._verbs[name])
-        response.headers.update(HEADERS)
-        return response
+            return HTMLResponse(self._page())
+        if allowed and get and name == "events":
+            return StreamingResponse(self._told(), media_type="text/event-stream")
+        if allowed and not get and name in self._verbs:
+            return await _done(request, self._verbs[name])
+        raise HTTPException(404)
 
     def _page(self) -> str:
         """The page without flights, which its script asks for once it has loaded."""

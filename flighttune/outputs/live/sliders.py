@@ -53,6 +53,7 @@ class Slider:
     high: float = 1.0
     choices: Sequence[str] = ()  # the first leaves the table out
     together: str = ""  # those with the same name here move together if the page's box is ticked
+    opposite: str = ""  # key of the other end of its range, which keeps its ratio to this one
 
     @property
     def table(self) -> str:
@@ -85,7 +86,7 @@ def sliders_of(scenario: Scenario, gains: PIGains | None) -> list[Slider]:
 
 def gain_sliders(gains: PIGains) -> list[Slider]:
     """A slider of every gain: from each error to its own command, feedback, then the others."""
-    own, across = list[Slider](), list[Slider]()
+    sliders = list[Slider]()
     for name in ("K_P", "K_I"):
         matrix = getattr(gains, name)
         for (i, j), value in np.ndenumerate(matrix):
@@ -100,16 +101,11 @@ def gain_sliders(gains: PIGains) -> list[Slider]:
                 high=end,
                 together=name if i == j else "",
             )
-            (own if i == j else across).append(slider)
+            sliders.append(slider)
     for i, value in enumerate(gains.feedback if gains.law == "exact" else ()):
         key, label = f"gains[0].feedback[{i}]", f"feedback of {SYMBOLS[COMMANDS[i]]}"
-        own.append(Slider(key=key, group=GAINS, label=label, value=value, high=MAX_FEEDBACK))
-    return [*own, *across]
-
-
-def gain_values(gains: PIGains) -> dict[str, float | str]:
-    """Every gain by the key of its slider."""
-    return {x.key: x.value for x in gain_sliders(gains)}
+        sliders.append(Slider(key=key, group=GAINS, label=label, value=value, high=MAX_FEEDBACK))
+    return sorted(sliders, key=lambda x: x.group == ACROSS)
 
 
 def _of_rows(scenario: Scenario) -> Iterator[Slider]:
@@ -146,6 +142,10 @@ def moved(scenario: Scenario, sliders: Sequence[Slider], values: Values) -> Scen
     for slider in sliders:
         if changes.get(slider.key) in slider.choices[:1]:
             del tables[slider.table], changes[slider.key]
+        value = changes.get(slider.key)
+        if slider.opposite and isinstance(value, float | int):
+            end = value_at(tables, places_of(slider.opposite, tables, value)[0])
+            changes[slider.opposite] = value * (end / slider.value)
     changed = scenario_from(with_changes(tables, changes, scenario.title))
     check_scenario(changed, scenario.title)
     return changed

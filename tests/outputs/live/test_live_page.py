@@ -62,9 +62,9 @@ def window(browser, page):
 
 def drag(tab, key, part, moves=8):
     """Drag the slider of a key to a part of its length by the mouse."""
-    place = f"document.querySelector(`input[type=range][data-key='{key}']`).getBoundingClientRect()"
+    place = f"document.querySelector(`input[type=range][name='{key}']`).getBoundingClientRect()"
     x, y, wide, high, now = tab.run(
-        f"(() => {{ const b = {place}, s = document.querySelector(`[data-key='{key}']`);"
+        f"(() => {{ const b = {place}, s = document.querySelector(`[name='{key}']`);"
         "return [b.x, b.y, b.width, b.height, (s.value - s.min) / (s.max - s.min)] })()"
     )
     radius, y = 8.0, y + high / 2.0
@@ -113,7 +113,7 @@ def test_a_drag_is_followed_while_the_button_is_down(browser, page):
         tab.run(f"window.seen = new Set(); new MutationObserver(() => seen.add({PICTURE}))"
                 ".observe(document.querySelector('#charts'), {childList: true})")  # fmt: skip
         place = tab.run(
-            f"(() => {{ const b = document.querySelector(`[data-key='{K_P}']`)"
+            f"(() => {{ const b = document.querySelector(`[name='{K_P}']`)"
             ".getBoundingClientRect(); return [b.x, b.y + b.height / 2, b.width] })()"
         )
         x, y, wide = place
@@ -133,7 +133,7 @@ def test_moves_that_come_during_a_flight_are_dropped_but_for_the_last(browser, p
         before, drawn = tab.run(asked), tab.run(DRAWN)
         tab.run(
             f"(() => {{ const i = document.getElementById('{K_P}'); for (let n = 1; n <= 30; n++)"
-            "{ i.value = n / 20; i.dispatchEvent(new Event('input')) } })()"
+            "{ i.value = n / 20; i.dispatchEvent(new Event('input', {bubbles: true})) } })()"
         )
         tab.until(f"{DRAWN} >= {drawn} + 2", PATIENCE_S)
         time.sleep(1.0)
@@ -147,7 +147,7 @@ def test_moves_that_come_during_a_flight_are_dropped_but_for_the_last(browser, p
 def test_the_arrow_keys_move_a_slider_that_has_the_focus(browser, page):
     with window(browser, page) as tab:
         drawn = tab.run(DRAWN)
-        tab.run(f"document.querySelector(`[data-key='{K_P}']`).focus()")
+        tab.run(f"document.querySelector(`[name='{K_P}']`).focus()")
         for kind in ("keyDown", "keyUp"):
             tab.asked("Input.dispatchKeyEvent", type=kind, key="ArrowRight", code="ArrowRight",
                       windowsVirtualKeyCode=39)  # fmt: skip
@@ -205,7 +205,7 @@ def test_a_law_that_raises_is_told(browser, tmp_path):
     )
     with ft.open(scenario, browser=False) as page, window(browser, page) as tab:
         tab.until("/gives up/.test(document.querySelector('#verdict').textContent)", PATIENCE_S)
-        assert tab.run("document.querySelector('[data-doing=tune]').disabled")
+        assert tab.run("document.querySelector('[data-doing=tune]') === null")
 
 
 def test_tuned_gains_move_the_sliders(browser, page):
@@ -232,6 +232,16 @@ def test_a_search_shows_how_far_it_is_and_stops_while_sliders_move(browser, page
         tab.until("/stopped/.test(document.querySelector('#said').textContent)", PATIENCE_S)
         assert tab.run("document.querySelector('#search').hidden")
         assert float(tab.run(f"document.getElementById('{K_P}').value")) == 1.4
+
+
+@pytest.mark.soak
+def test_a_search_ends_with_the_window_that_began_it(browser, page):
+    with window(browser, page) as tab:
+        click(tab, "[data-doing=meet]")
+        tab.until("/searching/.test(document.querySelector('#said').textContent)", PATIENCE_S)
+        with window(browser, page) as other:
+            tab.asked("Page.navigate", url="about:blank")
+            other.until("/stopped/.test(document.querySelector('#said').textContent)", PATIENCE_S)
 
 
 def test_aircraft_that_differ_are_drawn_as_a_cloud_until_a_slider_moves(browser, page):
@@ -379,7 +389,7 @@ def test_fifty_moves_a_second_for_a_minute_are_followed_in_bounded_memory(browse
         tab.run(
             f"window.sent = 0; window.moves = document.getElementById('{K_P}'); window.timer ="
             "setInterval(() => { moves.value = 0.5 + (sent++ % 100) / 50;"
-            "moves.dispatchEvent(new Event('input')) }, 20)"
+            "moves.dispatchEvent(new Event('input', {bubbles: true})) }, 20)"
         )
         time.sleep(15.0)
         gc.collect()

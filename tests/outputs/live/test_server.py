@@ -52,7 +52,7 @@ def test_the_page_and_a_picture_are_there_for_those_who_have_the_address(page):
     assert ask(page)[0] == 200
     status, _, text = ask(page, "picture", MOVE)
     assert status == 200
-    assert "<svg" in json.loads(text)["charts"]
+    assert "<svg" in json.loads(text)["pieces"]
 
 
 @pytest.mark.parametrize("path", ["", "events", "picture", "begin", "stop", "save"])
@@ -212,7 +212,7 @@ def test_a_page_that_is_closed_leaves_no_thread_and_no_port():
 
 
 def test_tables_say_which_of_their_cells_are_headings(page):
-    numbers = json.loads(ask(page, "picture", MOVE)[2])["numbers"]
+    numbers = json.loads(ask(page, "picture", MOVE)[2])["pieces"]
     assert 'scope="col"' in numbers
     assert '<th scope="row"' in numbers
     assert "R<sub>K</sub>" in numbers

@@ -31,7 +31,7 @@ def test_a_page_begins_with_the_flights_of_its_scenario(name):
     ("key", "value", "changes"),
     [
         ("flight.V_a_mps", 27.0, {"flight.V_a_mps": 27.0}),
-        ("limits.phi_deg[1]", 30.0, {"limits.phi_deg": [-45.0, 30.0]}),
+        ("limits.phi_deg[1]", 30.0, {"limits.phi_deg": [-30.0, 30.0]}),
         ("limits.n_z[1]", 1.5, {"limits.n_z": [-2.1, 1.5]}),
         ("limits.phi_rate_dps", 20.0, {"limits.phi_rate_dps": 20.0}),
         ("wind.speed_mps", 4.0, {"wind.speed_mps": 4.0, "wind.from_deg": 270.0}),
@@ -71,7 +71,6 @@ def test_without_limits_those_of_the_aircraft_are_flown_and_have_sliders():
     table = tomllib.loads(aircraft_folders()["aerosonde"].joinpath("aircraft.toml").read_text())
     own, begins = table["limits"], {x.key: x.value for x in every if x.table == "limits"}
     assert begins == {
-        "limits.phi_deg[0]": own["phi_deg"][0],
         "limits.phi_deg[1]": own["phi_deg"][1],
         "limits.phi_rate_dps": own["phi_rate_dps"],
         "limits.n_z[1]": own["n_z"][1],
@@ -81,6 +80,14 @@ def test_without_limits_those_of_the_aircraft_are_flown_and_have_sliders():
     assert by_page.signals.equals(flown.signals)
     moved = sliders.moved(scenario, every, {"limits.n_z[1]": 1.5}).limits
     assert (moved.n_z, moved.phi_deg) == ((own["n_z"][0], 1.5), tuple(own["phi_deg"]))
+
+
+def test_the_roll_limits_of_both_sides_keep_their_ratio():
+    stated = ft.load_scenario("level_turn", changes={"limits.phi_deg": [-30.0, 40.0]})
+    scenario, _ = sliders.with_one_gain_set(stated, None)
+    every = sliders.sliders_of(scenario, None)
+    moved = sliders.moved(scenario, every, {"limits.phi_deg[1]": 20.0})
+    assert moved.limits.phi_deg == (-15.0, 20.0)
 
 
 def test_a_choice_that_is_none_takes_the_table_away():
