@@ -499,7 +499,7 @@ def _ends(values: Sequence[FloatArray], room: float, log: bool) -> Range:
     if log:
         factor = max((high / low) ** room, 1.05)
         return low / factor, high * factor
-    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-6):
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-3):
         return low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0)
     return low - room * (high - low), high + room * (high - low)
 

@@ -34,6 +34,9 @@ from flighttune.routes.path import Path
 # The map stands beside three charts along the route, in three rows of the page.
 ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
 
+# Shortest distance between the numbers of two waypoints, relative to the length of the route.
+NUMBERS_APART = 0.05
+
 DISTANCE_AXIS, KM = "along the route [km]", 1000.0
 
 # Distance between points of the corridor's edges, m.
@@ -76,9 +79,12 @@ def route_charts(flights: Drawn) -> list[Chart]:
         for chart, signal in zip(errors, OFF_ROUTE, strict=True):
             draw_bounds(chart, run, along, signal, style.colour)
             chart.run_line(along, signals[signal].to_numpy(), style, label, most=most)
+    last = -math.inf
     for turn in path.stretches:
-        if turn.kind != "leg":  # turns have the waypoint's number
-            middle = turn.start + 0.5 * turn.length
+        middle = turn.start + 0.5 * turn.length
+        # turns have the waypoint's number; numbers must not cover each other
+        if turn.kind != "leg" and middle - last > NUMBERS_APART * path.length:
+            last = middle
             up, number = float(np.interp(middle, path.s, path.up)), turn.name.split()[-1]
             height.text(middle / KM, up, number, anchor="middle", shift=(0.0, -5.0))
     low, high = height.y_ends()

@@ -132,6 +132,12 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
     assert "prefers-color-scheme: dark" in root.find(f"{SVG}style").text
 
 
+def test_rounding_errors_about_zero_are_no_scale():
+    chart = Chart(title="a level flight")
+    chart.line([0.0, 1.0], [0.0, -1.3e-15], BLUE)
+    assert chart.y_ends() == pytest.approx((-0.5, 0.5))
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_step_with_one_round_value_between_the_ends_gives_way_to_the_next_smaller_one(sign):
     # of steps of 50, next to (88 - 4) / 2, there is 50 alone

@@ -50,6 +50,26 @@ def path_with(chart, look):
     return x0 + x / width * (x1 - x0), y1 - y / height * (y1 - y0)
 
 
+def test_numbers_of_waypoints_that_are_near_do_not_cover_each_other():
+    digits = 14.0  # width of two of 11.5 px, px
+    rows = [
+        (350.0 * i, north) for i in range(6) for north in (1200.0 * (i % 2), 1200.0 * (1 - i % 2))
+    ]
+    lawn = [{"north_m": north, "east_m": east} for east, north in [(0.0, -600.0), *rows[1:]]]
+    tables = ft.load_scenario("circuit").as_dict()
+    del tables["expect"]
+    tables |= {"plant": [{"kind": "kinematic"}], "route": {"waypoint": lawn}}
+    (flown,) = ft.fly(ft.scenario_from(tables)).runs
+    _, height, *_ = route_charts(drawn(flown))
+    numbers = [
+        float(text.get("x"))
+        for text in tree_of(height).iter(f"{SVG}text")
+        if text.get("class") == "named"
+    ]
+    assert len(numbers) > 3
+    assert np.diff(numbers).min() > digits
+
+
 def test_the_corridor_is_to_the_sides_of_the_path_and_says_how_much_wider_it_is(run):
     charts = route_charts(drawn(run))
 
