@@ -33,7 +33,8 @@ def main() -> None:
         tab.until("document.body?.dataset.drawn", ENOUGH_S)
         for key, value in GAINS.items():
             moved = f"document.getElementById('gains[0].{key}')"
-            tab.run(f"{moved}.value = {value}, {moved}.dispatchEvent(new Event('input', {{bubbles: true}}))")
+            event = "new Event('input', {bubbles: true})"
+            tab.run(f"{moved}.value = {value}, {moved}.dispatchEvent({event})")
         tab.run("document.querySelector('[data-doing=aircraft]').click()")
         tab.until("/20 aircraft/.test(document.querySelector('#verdict').textContent)", ENOUGH_S)
         picture = Image.open(io.BytesIO(tab())).convert("RGB")
