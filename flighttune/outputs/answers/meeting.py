@@ -147,4 +147,5 @@ def share_met(meeting: Meeting, success: Mapping[str, Any], flights: str) -> str
 
 
 def subject(row: Mapping[str, Any]) -> str:
-    return f"{measure_words(row['measure'])} on {row['run']}"
+    where = f"({BY_DEFAULT})" if row["run"] == BY_DEFAULT else f"on {row['run']}"
+    return f"{measure_words(row['measure'])} {where}"
