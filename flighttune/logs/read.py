@@ -6,6 +6,7 @@ memory and print. It is therefore read in a copy of this process, with bounds on
 
 import math
 import os
+import signal
 import struct
 import traceback
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
@@ -41,8 +42,11 @@ Places: TypeAlias = Callable[[str, list[str]], Mapping[str, list[Column]]]
 # Memory for reading a log, on top of the memory of this process, bytes.
 MAX_MEMORY = 900_000_000
 
-# Time limit without a result, s, and its increase per byte.
+# Limit of processor time, s, and its increase per byte.
 PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
+
+# Time for each second of processor time: on a busy machine a reader waits for its turn.
+WAITING = 30.0
 
 # Stages of a PX4 version by their smallest number: version.h.
 STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
@@ -123,7 +127,7 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
     """The result of a reader in a copy of this process; RecordingError if it fails."""
 
     def confined(_: object) -> Any:
-        _confine()
+        _confine(patience)
         try:
             return read()
         except OWN as error:
@@ -134,7 +138,7 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
 
     patience = PATIENCE_S + PATIENCE_PER_BYTE * path.stat().st_size
     try:
-        result, ended, _ = apart(confined, patience)
+        result, ended, _ = apart(confined, WAITING * patience)
     except (InputError, _OwnFaultError):
         raise
     except MemoryError as error:
@@ -148,14 +152,18 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
             f"is not known ({got})."
         ) from error
     if ended:
+        if ended.endswith(signal.SIGPROF.name):
+            ended = f"did not end within {patience:.2g} s of processor time"
         raise RecordingError(f"{path}: must be a {kind} log, got one whose reader {ended}.")
     return result
 
 
-def _confine() -> None:
-    """Bound the memory of this copy, and discard the output of libraries."""
+def _confine(patience: float) -> None:
+    """Bound memory and processor time (s) of this copy, and discard the output of libraries."""
     import resource  # Windows lacks the module
 
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_PROF, patience)
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     most = used * resource.getpagesize() + MAX_MEMORY
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

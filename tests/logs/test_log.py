@@ -3,6 +3,7 @@
 import re
 import socket
 import struct
+import time
 from contextlib import suppress
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from log_files import COMMAND, WRITERS, message, sampled, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
+from flighttune.logs import read
 from flighttune.logs.streams import phases
 
 FT = 0.3048
@@ -613,3 +615,21 @@ def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path, monk
 
     with pytest.raises(ft.RecordingError, match=r"must be (read in 900|a ULog)"):
         ft.load_log(path)
+
+
+def test_a_reader_may_wait_for_its_turn_but_not_compute_for_ever(tmp_path, monkeypatch):
+    monkeypatch.setattr("flighttune.logs.read.PATIENCE_S", 0.2)
+    log = tmp_path / "flight.ulg"
+    log.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
+
+    def reads(reader):
+        monkeypatch.setitem(read._PARAMETERS, "ULog", reader)
+        return read.read_parameters(log)
+
+    def computes(_):
+        while True:
+            pass
+
+    assert reads(lambda _: time.sleep(0.5) or "read") == "read"
+    with pytest.raises(ft.RecordingError, match=r"reader did not end within 0.2 s of processor"):
+        reads(computes)
