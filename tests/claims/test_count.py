@@ -186,3 +186,8 @@ def test_verbs_that_count_until_sure_say_after_how_many_looks_a_clear_answer_com
 
     said = " ".join(verb.__doc__.split())
     assert re.search(rf"clear {answer}( takes)? {n}\b", said)
+
+
+def test_too_few_flights_are_refused_with_two_digits_of_what_the_confidence_leaves():
+    with pytest.raises(ft.InputError, match=r"at least 408 .* `confidence` 0\.983, got 60"):
+        count.check_enough(60, 0.01, 1.0 - 0.05 / 3.0)

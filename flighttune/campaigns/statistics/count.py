@@ -14,6 +14,7 @@ import scipy
 
 from flighttune.base.arrays import FloatArray, Floats, check_between
 from flighttune.base.errors import InputError
+from flighttune.base.words import confidence_text
 
 # Default number of flights that may lie outside, so that the scale depends less on one flight.
 OUTSIDE = 5
@@ -85,7 +86,7 @@ def check_enough(flights: int, epsilon: float, confidence: float) -> None:
     if allowed_outside(flights, epsilon, confidence) < 0:
         raise InputError(
             f"`flights` must be at least {flights_needed(epsilon, confidence)} for `epsilon` "
-            f"{epsilon:g} and `confidence` {confidence:.10g}, got {flights}."
+            f"{epsilon:g} and `confidence` {confidence_text(confidence)}, got {flights}."
         )
 
 
