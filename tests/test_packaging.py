@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 import yaml
 from packaging.specifiers import SpecifierSet
+from rattler_build import Stage0Recipe, VariantConfig
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-RECIPE = yaml.safe_load((ROOT / "release/recipe.yaml").read_text(encoding="utf-8"))
+RECIPE_TEXT = (ROOT / "release/recipe.yaml").read_text(encoding="utf-8")
+RECIPE = yaml.safe_load(RECIPE_TEXT)
 CONTAINER = (ROOT / "release/Containerfile").read_text(encoding="utf-8")
 
 
@@ -22,6 +24,18 @@ def test_the_recipe_needs_what_the_package_needs():
     assert {*PROJECT["build-system"]["requires"]} <= {
         re.sub(r"\s", "", line) for line in RECIPE["requirements"]["host"]
     }
+
+
+def test_the_builder_of_conda_forge_renders_the_recipe_as_one_package_for_all_systems():
+    (variant,) = Stage0Recipe.from_yaml(RECIPE_TEXT).render(VariantConfig())
+    rendered = variant.recipe.to_dict()
+
+    assert rendered["package"] == {name: PROJECT["project"][name] for name in ("name", "version")}
+    assert rendered["build"]["noarch"] == "python"
+    oldest = PROJECT["project"]["requires-python"].removeprefix(">=")
+    assert f"python >={oldest}" in rendered["requirements"]["run"]
+    assert f"python {oldest}.*" in rendered["requirements"]["host"]
+    assert "${{" not in str(rendered["source"])
 
 
 def test_the_recipe_has_the_licences_and_commands_of_the_package():
