@@ -317,7 +317,8 @@ class _Episode:
 
     def start(self) -> None:
         """Start the plant."""
-        self.sample: Sample = next(self.flight.samples)
+        self._samples = self.flight.samples()
+        self.sample: Sample = next(self._samples)
         self.over = False
 
     def fly_on(self) -> None:
@@ -327,7 +328,7 @@ class _Episode:
         except LawError as error:
             raise InputError(str(error)) from None
         try:
-            self.sample = self.flight.samples.send(commands)
+            self.sample = self._samples.send(commands)
         except StopIteration as end:
             self.over, self.stop = True, end.value
         self._law_action = None

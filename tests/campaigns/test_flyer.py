@@ -1,11 +1,14 @@
-"""The process that flies: what is told where it cannot start."""
+"""The process that flies: what is told where it cannot start, and what it keeps."""
 
+import gc
 import sys
+import weakref
 
 import pytest
 
 import flighttune as ft
-from flighttune.campaigns.engine.flyer import Flyer
+from flighttune.campaigns.engine.flyer import Flyer, work_of
+from flighttune.campaigns.engine.server import _prepared
 
 
 def test_a_process_that_cannot_start_names_the_file_that_it_needs(tmp_path, monkeypatch):
@@ -15,3 +18,23 @@ def test_a_process_that_cannot_start_names_the_file_that_it_needs(tmp_path, monk
 
     with pytest.raises(ft.loop.PlantError, match=f"^{python}: the process that flies must start"):
         Flyer()
+
+
+def test_a_process_keeps_nothing_of_the_plans_before():
+    class Left:
+        """Garbage that only a collection finds."""
+
+    gc.disable()
+    try:
+        left = Left()
+        left.itself, kept = left, weakref.ref(left)
+        gc.freeze()  # as after the plan before
+        del left
+        _prepared.cache_clear()
+        _prepared(work_of(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=1), {}))
+    finally:
+        gc.unfreeze()
+        gc.enable()
+        _prepared.cache_clear()
+
+    assert kept() is None

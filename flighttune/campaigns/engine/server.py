@@ -71,7 +71,11 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
     with _time_limit(COMPILE_S + plan.campaign.time_limit_s):
         warm_up(plan)
-    gc.freeze()  # collections would look at all that is loaded, for a tenth of a short row
+    # Collections would look at all that is loaded, for a tenth of a short row. What plans before
+    # this one left is collected first, because frozen garbage stays for good.
+    gc.unfreeze()
+    gc.collect()
+    gc.freeze()
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:

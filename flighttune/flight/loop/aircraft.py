@@ -1,7 +1,7 @@
 """A JSBSim aircraft flown by its compiled step, or by JSBSim where it has none: same bits."""
 
 import math
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -66,7 +66,6 @@ class CompiledAircraft(WrappedPlant):
     def __init__(self, plant: JSBSimPlant) -> None:
         super().__init__(plant, ())
         self.plant, self.refused, self.compiles = plant, "", False
-        self.n_z_followed = self._followed
         self._motion: Motion | None = None
         self._given: list[tuple[float, ...]] = []
         self._clock = 0
@@ -111,7 +110,6 @@ class CompiledAircraft(WrappedPlant):
         self._step, self._first = start.step, list(start.first)
         arrays = {k: x for k, x in start.motion._asdict().items() if isinstance(x, np.ndarray)}
         self._motion = start.motion._replace(**{k: x.copy() for k, x in arrays.items()})
-        self._observe = self._shown
 
     @property
     def sloped(self) -> tuple[Any, Any]:
@@ -149,7 +147,7 @@ class CompiledAircraft(WrappedPlant):
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""
-        return self._observe()
+        return self._observe() if self._motion is None else self._shown()
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did."""
@@ -192,6 +190,11 @@ class CompiledAircraft(WrappedPlant):
             return None
         t = float(np.cumsum(np.full(steps, 1.0 / self.plant.rate))[-1])
         return Stop(why[0], f"t = {t:.3f} s: {why[1]}")
+
+    @property
+    def n_z_followed(self) -> Callable[[], float]:
+        """A reader of the load factor that the inner loop follows."""
+        return self._followed
 
     def _followed(self) -> float:
         """The load factor that the inner loop sees, one step of its computer old."""

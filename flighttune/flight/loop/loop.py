@@ -112,7 +112,7 @@ def simulate(
     flight = Flight(plant, controller, reference, condition, duration, *settings)
     if (flown := flight.fly_compiled(progress)) is not None:
         return flown
-    advance, step = flight.samples.send, step_of(controller, flight.plant)
+    advance, step = flight.samples().send, step_of(controller, flight.plant)
     commands, k = None, 0
     while True:
         try:
@@ -221,8 +221,7 @@ class Flight:
         self._of_matrices: ExactLaw | MimoPI | None = None
         if isinstance(controller, ExactLaw | MimoPI) and type(controller) in (ExactLaw, MimoPI):
             self._of_matrices = controller
-        measured = measured_of(plant, condition.h, dt)
-        self.samples = self._samples(measured, plan, priority, airspeed)
+        self._helpers = measured_of(plant, condition.h, dt), plan, priority, airspeed
 
     def fly_compiled(
         self, progress: Callable[[float], None] | None
@@ -407,15 +406,11 @@ class Flight:
         given, asked = (self._columns.index(name) for name in (GIVEN, "gamma_ref"))
         return bool((rows[:, given] < rows[:, asked]).any())
 
-    def _samples(
-        self,
-        measured_of: Callable[[tuple[float, ...]], Measured],
-        plan: following.Planner | None,
-        priority: following.AirspeedPriority | None,
-        airspeed: tuple[FloatArray, FloatArray] | None,
-    ) -> Generator[Sample, Sequence[float] | None, Stop | None]:
+    # The flight keeps no generator of itself: such a cycle would keep JSBSim and all errors drawn.
+    def samples(self) -> Generator[Sample, Sequence[float] | None, Stop | None]:
         """Fly all samples, or to the end of a route, and add them to the rows."""
         plant, controller, condition, reference, lead = self._given
+        measured_of, plan, priority, airspeed = self._helpers
         route = reference if isinstance(reference, following.RouteReference) else None
         plant.start(condition)
         try:

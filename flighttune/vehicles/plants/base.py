@@ -157,8 +157,12 @@ class WrappedPlant:
         self.kind, self.signals, self.limits = plant.kind, plant.signals + further, plant.limits
         # Bound once: it is called at every sample.
         self.plant, self._observe = plant, plant.observe
-        # Only aircraft with an inner loop have it, for laws that feed the load factor back.
-        self.n_z_followed = getattr(plant, "n_z_followed", None)
+
+    # No plant keeps a function of itself: such a cycle would keep JSBSim until Python looks for it.
+    @property
+    def n_z_followed(self) -> Callable[[], float] | None:
+        """Only aircraft with an inner loop have it, for laws that feed the load factor back."""
+        return getattr(self.plant, "n_z_followed", None)
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0, as the plant does."""

@@ -156,8 +156,14 @@ class SensedPlant(WrappedPlant):
         self.error: Sequence[float] = ()
         self._errors, self._blank = iter(errors), [0.0] * len(further)
         self._before: list[float] | None = None
-        if self.navigated and (followed := self.n_z_followed) is not None:
-            self.n_z_followed = lambda: followed() + self.error[N_Z_ERROR]
+
+    @property
+    def n_z_followed(self) -> Callable[[], float] | None:
+        """The reader of the plant, with the error of navigation."""
+        followed = super().n_z_followed
+        if followed is None or not self.navigated:
+            return followed
+        return lambda: followed() + self.error[N_Z_ERROR]
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians; each call uses up one sample."""

@@ -1,5 +1,6 @@
 """The sampled loop against the continuous law, behind sensors, and the shape of what it returns."""
 
+import gc
 import math
 import os
 import weakref
@@ -8,13 +9,17 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.base.files.code import JSBSIM
 from flighttune.base.processors import cores
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
+from flighttune.flight.loop import loop
 from flighttune.flight.loop.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.routes.segments import Segment
 from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.flight import fly
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.sensors import DrawnErrors
 
 PEAK_TOLERANCE = 0.002
 PAPER_LIMITS = ft.loop.Limits(
@@ -105,12 +110,34 @@ class StopsAfterThreeSamples(ft.loop.PointMassPlant):
 def test_a_flight_given_up_midway_frees_its_plant_at_once():
     plant, law = ft.loop.PointMassPlant(turn="paper"), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02)
     flight = Flight(plant, law, PAPER_REFERENCE, PAPER_START, 10.0)
-    next(flight.samples)
+    next(flight.samples())
     kept = weakref.ref(plant)
 
     del flight, plant
 
     assert kept() is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by_jsbsim", ["", "1"])
+def test_a_flight_of_an_aircraft_leaves_nothing_that_python_must_look_for(monkeypatch, by_jsbsim):
+    monkeypatch.setenv(JSBSIM, by_jsbsim)
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    tables = ft.load_scenario("circuit").as_dict() | {"navigation": {"grade": "standard"}}
+    tables["flight"] |= {"duration_s": 30.0}
+    route = tables["route"]
+    route["waypoint"] = route["waypoint"][:2]
+    scenario = ft.scenario_from(tables)
+    ft.fly(scenario)
+    gc.collect()
+    gc.disable()
+    try:
+        ft.fly(scenario)
+        left = [x for x in gc.get_objects() if type(x) in (Flight, JSBSimPlant, DrawnErrors)]
+    finally:
+        gc.enable()
+
+    assert left == []
 
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
