@@ -348,6 +348,22 @@ def test_gains_that_never_settle_rank_behind_those_that_settle_late():
     assert search.value(never) > search.value(paper)
 
 
+def test_gains_that_miss_fewer_draws_rank_first_whatever_they_miss_by(overshoot):
+    with one_worker() as pool:
+        search = meet.Search(
+            [meet.flights_to_meet(overshoot, overshoot.law_tables[0])],
+            overshoot.laws[0],
+            kept_by(pool),
+        )
+
+    excesses = [[-0.5, -0.4, -0.3], [-0.5, -0.4, 0.9], [-0.5, 0.1, 0.1], [-0.5, 0.2, 0.1]]
+    values = [
+        search.value(meet.Trial(gains=ft.PAPER_GAINS, excess=np.array(x)[:, None], checks=()))
+        for x in excesses
+    ]
+    assert values == sorted(set(values))
+
+
 def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
     tables, law = overshoot.as_dict(), overshoot.laws[0]
     short = scenario_from(tables | {"flight": tables["flight"] | {"duration_s": 3.0}})
