@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from flighttune.base.errors import FlightTuneError
 from flighttune.base.units import FT, G_0
 from flighttune.control.controller import FlightCondition
 from flighttune.flight.loop.batch import (
@@ -32,6 +34,7 @@ from flighttune.vehicles.plants.weather import Weather
 if TYPE_CHECKING:
     from flighttune.vehicles.compiled.face import CompiledStep
     from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+    from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 
 P = TypeVar("P", bound=WrappedPlant | JSBSimPlant)
 
@@ -72,37 +75,54 @@ class CompiledAircraft(WrappedPlant):
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
-        kept = _kept_start(self.plant.key_of_start(condition)) if self.compiles else []
-        if kept:
-            self._begin(condition, kept[0])
-            return
-        self.start_in_jsbsim(condition)
         if not self.compiles:
+            self.start_in_jsbsim(condition)
             return
-        if self.plant.steps > 1:
+        from flighttune.vehicles.plants.jsbsim.model_files import unchanged
+
+        files = unchanged(self.plant.config)
+        kept = _kept_start(self.plant.key_of_start(condition, files))
+        if not kept:
+            start = self._compiled_start(condition, files)
+            if start is None:
+                return
+            kept.append(start)
+        self._begin(condition, kept[0])
+
+    def _compiled_start(self, condition: FlightCondition, files: "Unchanged") -> "KeptStart | None":
+        """The start of a compiled flight; None if JSBSim flies, and has started."""
+        plant, weather = self.plant, self.plant.weather or Weather()
+        if plant.steps > 1:
             self.refused = f"{UNKNOWN} several integration steps in a sample of the inner loop"
-            return
+            self.start_in_jsbsim(condition)
+            return None
         from flighttune.vehicles.compiled import face
 
-        weather = self.plant.weather or Weather()
         turbulence = weather.turbulence
         step = face.compiled(
-            self.plant.config,
+            plant.config,
             turbulence=None if turbulence is None else turbulence.model,
             gust=weather.gust is not None,
-            files=self.plant.fdm and self.plant.fdm.files,
+            files=files,
         )
         if isinstance(step, face.Refusal):
             self.refused = step.reason
-            return
-        first = self._observe()
+            self.start_in_jsbsim(condition)
+            return None
+        fdm = face.evaluated(plant.config, ground=plant.ground, files=files)
+        if fdm is not None:
+            # JSBSim says what is wrong with a start that fails.
+            with suppress(FlightTuneError, NotCompiled, face.Unsupported):
+                plant.start(condition, fdm)
+                return KeptStart(step, motion_of(plant, step, weather), plant.observe())
+        self.start_in_jsbsim(condition)
+        first = plant.observe()
         try:
-            kept.append(KeptStart(step, motion_of(self.plant, step, weather), first))
+            return KeptStart(step, motion_of(plant, step, weather), first)
         except (NotCompiled, face.Unsupported) as what:
             self.refused = f"{UNKNOWN} {what}"
             self.start_in_jsbsim(condition)
-            return
-        self._begin(condition, kept[0])
+            return None
 
     def _begin(self, condition: FlightCondition, start: "KeptStart") -> None:
         """Begin a compiled flight at its start."""

@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element
 
 from flighttune.vehicles.compiled.functions import function
 from flighttune.vehicles.compiled.properties import RADIANS, Properties, Unsupported
-from flighttune.vehicles.compiled.trace import Number, select, symbolic
+from flighttune.vehicles.compiled.trace import Number, different, select, symbolic
 from flighttune.vehicles.compiled.vectors import Vector, add, cross, times
 
 _AXES = {
@@ -68,8 +68,10 @@ def _lengths(now: Properties, aero: Element) -> None:
         if part.get("type") in (None, "pre"):
             function(now, part)
     twice = 2 * now["velocities/vt-fps"]
-    now["aero/bi2vel"] = now["metrics/bw-ft"] / twice
-    now["aero/ci2vel"] = now["metrics/cbarw-ft"] / twice
+    for name, length in (("aero/bi2vel", "metrics/bw-ft"), ("aero/ci2vel", "metrics/cbarw-ft")):
+        new = now[length] / twice
+        # Before its first state of flight an aircraft is at rest.
+        now[name] = select(different(twice, 0.0), new, now[name]) if now.trimming else new
     alpha = now["aero/alpha-rad"]
     now["aero/alpha-wing-rad"] = alpha + now["metrics/iw-rad"]
     now["aero/qbar-area"] = area * qbar

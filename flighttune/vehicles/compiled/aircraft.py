@@ -10,6 +10,7 @@ import numpy.typing as npt
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import PlantError
 from flighttune.base.units import FT
+from flighttune.vehicles.compiled.evaluated import EvaluatedFdm
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.normals import seeded
 from flighttune.vehicles.compiled.signals import GROUND, HEIGHT_0
@@ -66,6 +67,9 @@ class CompiledStep:
                 raise PlantError("`weather` must have a gust for a step with a gust.")
             own |= gust_numbers(plant.weather.gust, fdm.rate)
         names = [x for x in (*self.names.states, *self.names.parameters) if x not in own]
+        if isinstance(fdm, EvaluatedFdm):
+            values = fdm.start_values(names) | own
+            return Start(*self._machine.arrays(values.__getitem__), seeded(plant.seed))
         numbers = Source(plant.config, fdm.steps, fdm.files).numbers
         with warnings.catch_warnings(action="ignore"):  # of the matrix class that JSBSim returns
             values = start_values(fdm, self._model, numbers, names) | own

@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,10 @@ from flighttune.base.words import told_apart
 from flighttune.control.controller import FlightCondition
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled.aircraft import CompiledStep
+from flighttune.vehicles.compiled.evaluated import EvaluatedFdm, Evaluation, Loaded, LoadedFdm
+from flighttune.vehicles.compiled.model import Source
+from flighttune.vehicles.compiled.properties import INERTIAL_VELOCITY
+from flighttune.vehicles.compiled.rigid_body import ACCELERATION_1, INERTIAL_ACCELERATION
 from flighttune.vehicles.compiled.step import place_of
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
@@ -79,10 +83,7 @@ def check_flight(step: CompiledStep, config: AircraftConfig) -> Verdict:
 
 def _started(step: CompiledStep, config: AircraftConfig) -> JSBSimPlant:
     """The aircraft in its design flight, in wind, and in the turbulence and gust of the step."""
-    V_low, V_high = config.envelope.V_a
-    V_a = config.design.V_a if config.design else 0.5 * (V_low + V_high)
-    h = config.design.h if config.design else _HEIGHT
-    still: FlightCondition = level(config, V_a, h)
+    still: FlightCondition = level(config, *_design(config))
     weather = Weather(
         wind=WindProfile(((0.0, _WIND),)),
         turbulence=Turbulence(**_TURBULENCE, model=model)
@@ -111,6 +112,67 @@ def commands_at(t: float, config: AircraftConfig, V_a: float) -> tuple[float, fl
     roll, load, speed = (doublet(start) + together for start in (1.0, 6.0, 11.0))
     reach = min(n_z_max - 1.0, 1.0 - n_z_min)
     return _ROLL * phi_max * roll, 1.0 + _LOAD * reach * load, V_a * (1.0 + _AIRSPEED * speed)
+
+
+def check_start(
+    step: CompiledStep, evaluation: Evaluation, source: Source, ground: float
+) -> tuple[Loaded, str]:
+    """Start flights by both; what JSBSim showed, and the first number that differs, if any does."""
+    weather = Weather(wind=WindProfile(((0.0, _WIND),)))
+    config, loaded = source.config, evaluation.loaded
+    try:
+        straight = level(config, *_design(config))
+        straight = replace(straight, h=straight.h + ground)
+        turn = replace(straight, h=straight.h + 70.0, chi=0.7, gamma=straight.gamma + 0.02, phi=0.2)
+        flights: list[tuple[FlightCondition, Weather | None]] = [(straight, None)]
+        if config.engines.count:
+            flights.append((turn, weather))
+        started = []
+        for condition, air in flights:
+            plant = JSBSimPlant(config, steps=step.steps, weather=air, ground=ground)
+            fdm = LoadedFdm(config, steps=step.steps, ground=ground, files=source.files)
+            plant.start(condition, fdm)
+            started.append((condition, plant))
+            now = fdm.shown()
+            moved = {x for x, value in loaded.after.items() if not _same(value, now.get(x))}
+            loaded = replace(loaded, moved=sorted({*loaded.moved, *moved}))
+    except FlightTuneError as error:
+        raise Unchecked(f"there is no start to check it at: {error}") from error
+    evaluation = replace(evaluation, loaded=loaded)
+    written = "ft/", "atmosphere/gust-", "_"
+    constants = (x for x in evaluation.evaluate.names.parameters if not x.startswith(written))
+    if taken := set(constants) & set(loaded.moved):
+        return loaded, f"`{min(taken)}`, taken for constant, is moved by a start"
+    for condition, plant in started:
+        by_jsbsim = _start_numbers(step, plant)
+        other = JSBSimPlant(config, steps=step.steps, weather=plant.weather, ground=ground)
+        other.start(condition, EvaluatedFdm(evaluation, source, ground=ground))
+        compiled = _start_numbers(step, other)
+        for name, value in by_jsbsim.items():
+            if not _same(value, compiled[name]):
+                wanted, got = told_apart(value, compiled[name])
+                return loaded, f"`{name}` differs at a start: {wanted} by JSBSim, {got} compiled"
+    return loaded, ""
+
+
+def _start_numbers(step: CompiledStep, plant: JSBSimPlant) -> dict[str, float]:
+    """States and parameters at a start; the acceleration before it by the velocity it leads to."""
+    start, rate = step.start_from(plant), plant.rate
+    numbers = dict(zip(step.names.states, start.states.tolist(), strict=True))
+    numbers |= dict(zip(step.names.parameters, start.parameters.tolist(), strict=True))
+    vectors = INERTIAL_VELOCITY, INERTIAL_ACCELERATION, ACCELERATION_1
+    for v, a, before in zip(*vectors, strict=True):
+        if before in numbers:
+            change = 1.5 * numbers[a] - 0.5 * numbers[before]
+            numbers[before] = numbers[v] + 1.0 / rate * change
+    return numbers
+
+
+def _design(config: AircraftConfig) -> tuple[float, float]:
+    """Airspeed (m/s) and height (m) of the design flight."""
+    if config.design:
+        return config.design.V_a, config.design.h
+    return 0.5 * sum(config.envelope.V_a), _HEIGHT
 
 
 def _shown(step: CompiledStep, plant: JSBSimPlant) -> list[int]:

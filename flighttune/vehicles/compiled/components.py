@@ -150,6 +150,9 @@ class Part:
         """A lag of first order, by the trapezoidal rule."""
         a, b = _lag_coefficients(self.dt, lag)
         before, last = self.memory("lag-in"), self.memory("lag-out")
+        if self.now.trimming and self.element.tag == "actuator":
+            self.now[before] = self.now[last] = x
+            return x
         y = a * (x + self.now[before]) + self.now[last] * b
         self.now[before], self.now[last] = x, y
         return y
@@ -158,6 +161,9 @@ class Part:
         """A value some runs later."""
         names = [self.memory(f"delay{k}") for k in range(1, delay_of(self.element, self.dt) + 1)]
         if not names:
+            return x
+        if self.now.trimming:
+            self.now.put(names, [x] * len(names))
             return x
         old = [self.now[name] for name in names]
         for name, value in zip(names, [x, *old[:-1]], strict=True):
@@ -185,7 +191,7 @@ def run_channels(now: Properties, root: Element) -> None:
     for n, channel in enumerate(channels_of(root)):
         switch, rate = channel.get("execute"), execution_rate(channel)
         runs: Truth = different(prop(now, switch), 0.0) if switch else True
-        if rate > 1:
+        if rate > 1 and not now.trimming:
             # It runs in the last of so many steps.
             count = now[f"_frames{n}"]
             count = select(count >= rate, 0.0, count) + 1.0
@@ -207,8 +213,14 @@ def _run(part: Part, written: set[str]) -> None:
         return
     if element.tag not in _COMPONENTS:
         raise Unsupported(f"the component <{element.tag}>")
-    names = outputs_of(element)
-    if element.tag == "kinematic" and inputs_of(element)[0].lstrip("-") not in written:
+    if now.trimming and element.tag in FILTERS:
+        raise Unsupported(f"a <{element.tag}> in a trim")
+    names, in_flight = outputs_of(element), not now.trimming
+    if (
+        element.tag == "kinematic"
+        and in_flight
+        and inputs_of(element)[0].lstrip("-") not in written
+    ):
         # Nothing moves its command in flight: it stays where the trim put it.
         y = now[names[0]]
     else:
@@ -323,6 +335,9 @@ def _rate_limited(part: Part, x: Number) -> Number:
         up = up if sense == "decr" else value
         down = down if sense == "incr" else value
     name, dt = part.memory("rate"), part.dt
+    if part.now.trimming:
+        part.now[name] = x
+        return x
     before = part.now[name]
     delta, y = x - before, x
     if up is not None:
@@ -335,6 +350,9 @@ def _rate_limited(part: Part, x: Number) -> Number:
 
 def _with_hysteresis(part: Part, x: Number) -> Number:
     name, half = part.memory("hysteresis"), 0.5 * part.number("hysteresis_width")
+    if part.now.trimming:
+        part.now[name] = x
+        return x
     before = part.now[name]
     falling = select(x < before, least(before, x + half), x)
     y = select(x > before, largest(before, x - half), falling)
@@ -396,6 +414,8 @@ def _kinematic(part: Part) -> Number:
     if not part.has("noscale"):
         x = x * detents[-1]
     x = constrained(detents[0], x, detents[-1])
+    if part.now.trimming:
+        return x
     left: Number = part.dt
     for _ in range(min(_PASSED, len(detents) - 1)):
         y, left = _moved(detents, times, x, y, left)

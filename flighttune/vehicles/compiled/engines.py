@@ -48,6 +48,8 @@ def propulsion(now: Properties, engines: tuple[EngineFile, ...]) -> None:
 def _push(now: Properties, engine: EngineFile) -> Push:
     if engine.kind not in _MOTORS:
         raise Unsupported(f"the engine <{engine.motor.tag}>")
+    if now.trimming and (engine.kind not in _AT_ONCE or engine.pusher.tag == "propeller"):
+        raise Unsupported(f"a <{engine.motor.tag}> in a trim")
     output = _MOTORS[engine.kind](now, engine)
     if engine.kind in _POWER:
         now[f"{engine.at}/power-hp"] = output
@@ -94,6 +96,9 @@ def _rocket(now: Properties, engine: EngineFile) -> Number:
 
 # Kinds of engines whose output is a power, hp; that of the others is a thrust, lbf.
 _POWER = ("electric", "piston", "turboprop")
+
+# Kinds of engines whose output follows the throttle at once in a trim.
+_AT_ONCE = ("electric", "turbine")
 
 _MOTORS: dict[str, Motor] = {
     "electric": _electric,

@@ -2,7 +2,7 @@
 """The compiled step of an aircraft, or why there is none: what the rest of the package imports."""
 
 import platform
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -14,11 +14,14 @@ from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
 from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
 from flighttune.vehicles.compiled.cache import Kept, kept_or_made
-from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight
+from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight, check_start
+from flighttune.vehicles.compiled.evaluated import EvaluatedFdm, Evaluation, Loaded, LoadedFdm
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported as Unsupported
 from flighttune.vehicles.compiled.signals import shown_signals
 from flighttune.vehicles.compiled.step import MachineStep, Names, traced
+from flighttune.vehicles.compiled.trimming import evaluation, writing
+from flighttune.vehicles.plants.jsbsim import model_files
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
@@ -63,6 +66,29 @@ def compiled(
         return Refusal(str(why))
 
 
+def evaluated(
+    config: AircraftConfig, *, ground: float = 0.0, files: Unchanged | None = None
+) -> EvaluatedFdm | None:
+    """An aircraft that starts without JSBSim, to the bit; None if JSBSim must start it.
+
+    The first use compiles its evaluations and starts it beside JSBSim; the result is cached.
+    """
+    # An engine that settles does so in steps of JSBSim.
+    if config.engines.settle or isinstance(compiled(config, files=files), Refusal):
+        return None
+    source = Source(config, 1, files)
+    if len(reasons := _unchecked(source, ground)) >= MAX_UNCHECKED:
+        return None
+    try:
+        evaluation = _evaluation(source, ground)
+        return evaluation and EvaluatedFdm(evaluation, source, ground=ground)
+    except Unchecked as why:
+        reasons.append(str(why))
+    except Unsupported:
+        pass
+    return None
+
+
 @cache
 def jsbsim_version() -> str:
     """The installed version of JSBSim."""
@@ -91,8 +117,8 @@ def _sloped(source: Source, air: Air) -> MachineStep:
 
 
 @lru_cache(maxsize=32)
-def _unchecked(_source: Source, _air: Air) -> list[str]:
-    """Reasons why flights could not check a step, a list to append to: other numbers may do."""
+def _unchecked(_source: Source, _of: Air | float) -> list[str]:
+    """Reasons why flights could not check a step or start, to append to: other numbers may do."""
     return []
 
 
@@ -106,6 +132,45 @@ def _compiled(source: Source, air: Air) -> CompiledStep | Refusal:
     if verdict.difference:
         return Refusal(verdict.difference)
     return CompiledStep(source, air, kept.names, kept.code)
+
+
+@lru_cache(maxsize=32)
+def _evaluation(source: Source, ground: float) -> Evaluation | None:
+    """How an aircraft is evaluated; None if a start differs from JSBSim's."""
+    if not isinstance(step := compiled(source.config, files=source.files), CompiledStep):
+        return None
+    model = source.model(Air())
+    write = _writing()
+
+    def made() -> Kept:
+        names, text = evaluation(model)
+        code = machine.object_code(text)
+        fdm = LoadedFdm(source.config, ground=ground, files=source.files)
+        found = Evaluation(
+            model, fdm.own_flight_control, fdm.known, MachineStep(names, code), write
+        )
+        loaded, difference = check_start(step, found, source, ground)
+        verdict = {"difference": difference, "loaded": asdict(loaded)}
+        return Kept(names=names, code=code, verdict=verdict)
+
+    kept = kept_or_made(_key(source, Air(), f"start {ground!r} {source.config.settings}"), made)
+    if kept.verdict["difference"]:
+        return None
+    loaded = Loaded(**kept.verdict["loaded"])
+    flight_control = model_files.has_flight_control(source.files)
+    return Evaluation(model, flight_control, loaded, MachineStep(kept.names, kept.code), write)
+
+
+@cache
+def _writing() -> MachineStep:
+    """What a write to an initial state does."""
+
+    def made() -> Kept:
+        names, text = writing()
+        return Kept(names=names, code=machine.object_code(text), verdict={})
+
+    kept = kept_or_made(_digest("initial state"), made)
+    return MachineStep(kept.names, kept.code)
 
 
 def _made(source: Source, air: Air) -> Kept:
@@ -127,18 +192,17 @@ def _code(source: Source, air: Air, *, sloped: bool = False) -> tuple[Names, byt
 
 def _key(source: Source, air: Air, kind: str = "") -> str:
     """Digest of everything a step depends on: the model and its parts, JSBSim, machine, code."""
+    parts = (text for part in source.parts() for text in part)
+    return _digest(*source.stated, air.turbulence or "", str(air.gust), kind, *parts)
+
+
+def _digest(*texts: str | bytes) -> str:
+    """Digest of texts, of JSBSim, the machine and our code."""
     digest = sha256()
-
-    def add(*texts: str | bytes) -> None:
-        for text in texts:
-            data = text.encode() if isinstance(text, str) else text
-            digest.update(len(data).to_bytes(8, "little") + data)
-
-    add(*source.stated, air.turbulence or "", str(air.gust), kind)
-    for name, content in source.parts():
-        add(name, content)
-    add(jsbsim_version(), version("llvmlite"), platform.platform(), *machine.processor())
-    add(_own_digest())
+    machine_and_code = platform.platform(), *machine.processor(), _own_digest()
+    for text in (*texts, jsbsim_version(), version("llvmlite"), *machine_and_code):
+        data = text.encode() if isinstance(text, str) else text
+        digest.update(len(data).to_bytes(8, "little") + data)
     return digest.hexdigest()
 
 

@@ -42,7 +42,7 @@ class Source:
         self, config: AircraftConfig, steps: int, files: model_files.Unchanged | None = None
     ) -> None:
         files = files or model_files.unchanged(config)
-        self.config, self.steps = config, steps
+        self.config, self.steps, self.files = config, steps, files
         self.template, values = model_files.template_and_values(files, weigh, steps)
         self.folders = model_files.folders_of(files)
         self.numbers = {

@@ -48,6 +48,8 @@ class Properties:
     def __init__(self, graph: Graph, dt: float) -> None:
         self.graph = graph
         self.dt = dt  # length of the step, s
+        # Whether JSBSim evaluates a state for a trim: actuators and delays settle at once.
+        self.trimming = False
         self.now: dict[str, Number] = {}
         self.inputs: dict[str, Value] = {}
         # Rotations: local to body, body to local, Earth to body, wind to body, body to wind

@@ -41,6 +41,11 @@ def run(now: Properties, model: Model) -> None:
     """One step."""
     now["simulation/sim-time-sec"] = now["simulation/sim-time-sec"] + now.dt
     integrate(now)
+    evaluate(now, model)
+
+
+def evaluate(now: Properties, model: Model) -> None:
+    """All models in the state of motion that there is; no time passes for the motion."""
     propagate(now, model.planet)
     now.gravity = gravity(now.vector(POSITION), now["_radius"], model.planet)
     atmosphere(now)

@@ -2,7 +2,7 @@
 """The state of a flight at its start, from JSBSim: its properties, and its hidden state."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
@@ -187,8 +187,10 @@ class _Start:
     def __init__(self, fdm: Fdm, model: Model, numbers: Mapping[str, float]) -> None:
         self._fdm, self._model = fdm, model
         self._numbers = numbers
-        self._declared = _declared(model)
-        self.hidden: Values = _rigid_body(fdm) | _inertia(fdm) | turbulence.AT_REST
+        self._declared = declared(model)
+        self.hidden: Values = (
+            _rigid_body(fdm) | inertia(lambda name: fdm.reader(name)()) | turbulence.AT_REST
+        )
         self.hidden |= pressures(self["atmosphere/P-sl-psf"], self["atmosphere/delta-T"])
         self.hidden["_lift"] = fdm.reader("forces/fwz-aero-lbs")()
         for engine in model.engines:
@@ -307,7 +309,7 @@ def _components(model: Model) -> tuple[list[int], list[_Component]]:
 
 
 @lru_cache(maxsize=32)
-def _declared(model: Model) -> Values:
+def declared(model: Model) -> Values:
     """Properties that the files declare, with their values."""
     return {
         (part.text or "").strip(): float(value)
@@ -339,9 +341,10 @@ def _rigid_body(fdm: Fdm) -> Values:
     }
 
 
-def _inertia(fdm: Fdm) -> Values:
+def inertia(value: Callable[[str], float]) -> Values:
+    """Matrix of inertia and its inverse from JSBSim's properties."""
     xx, yy, zz, xy, xz, yz = (
-        fdm.reader(f"inertia/i{name}-slugs_ft2")() for name in ("xx", "yy", "zz", "xy", "xz", "yz")
+        value(f"inertia/i{name}-slugs_ft2") for name in ("xx", "yy", "zz", "xy", "xz", "yz")
     )
     J = [[xx, -xy, xz], [-xy, yy, -yz], [xz, -yz, zz]]
     entries = [x for matrix in (J, inverse_inertia(J)) for row in matrix for x in row]

@@ -48,8 +48,12 @@ def turbine(now: Properties, engine: EngineFile) -> Number:
     runs = different(now[f"{engine.at}/set-running"], 0.0)
     throttle = now[engine.throttle]
     lever = select(throttle > 1.0, throttle - (throttle - 1.0), throttle)
+    if now.trimming:
+        # Its shafts turn as fast as the lever says, but what is shown of them stays.
+        n_2 = x["idlen2"] + lever * (x["maxn2"] - x["idlen2"])
+        return _thrust(now, engine, x, value, throttle, lever, n_2)
     _spool(now, engine, x, value, lever, runs)
-    thrust = _thrust(now, engine, x, value, throttle, lever)
+    thrust = _thrust(now, engine, x, value, throttle, lever, now[f"{engine.at}/n2"])
     return select(runs, thrust, 0.0)
 
 
@@ -86,20 +90,21 @@ def _thrust(
     value: dict[str, Number],
     throttle: Number,
     lever: Number,
+    n_2: Number,
 ) -> Number:
     motor = engine.motor
     dry = number(now, text_of(motor, "milthrust", 10000.0)) * factor_of(motor, "milthrust", "LBS")
     full = number(now, text_of(motor, "maxthrust", 10000.0)) * factor_of(motor, "maxthrust", "LBS")
-    norm = now[f"_n2-norm{engine.number}"]
+    norm = (n_2 - x["idlen2"]) / (x["maxn2"] - x["idlen2"])
     idle = dry * value["IdleThrust"]
     thrust = idle + (((dry - idle) * value["MilThrust"]) * norm * norm)
     bled = thrust * (1.0 - x["bleed"])
     if x["augmethod"] not in (1, 2) or (x["augmethod"] == 1 and x["augmented"] != 1):
         return bled  # nothing lights it
     burns = f"_augmented{engine.number}"
-    before = select(different(now[burns], 0.0), thrust, bled)
+    before = bled if now.trimming else select(different(now[burns], 0.0), thrust, bled)
     if x["augmethod"] == 1:
-        lit = (lever > _LIT) & (now[f"{engine.at}/n2"] > _FAST)
+        lit = (lever > _LIT) & (n_2 > _FAST)
         burning = value["AugThrust"] * full
     else:
         augmentation = select(throttle > 1.0, throttle - 1.0, 0.0)

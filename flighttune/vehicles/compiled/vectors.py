@@ -10,10 +10,12 @@ from flighttune.vehicles.compiled.trace import (
     Truth,
     asin,
     atan2,
+    cos,
     equal,
     fabs,
     negated,
     select,
+    sin,
     sqrt,
 )
 
@@ -91,9 +93,9 @@ def normalized(q: Vector) -> Vector:
     return [select(keep, x, x * inverse) for x in q]
 
 
-def quaternion_by(phi: float, theta: float, psi: float) -> Vector:
+def quaternion_by(phi: Number, theta: Number, psi: Number) -> Vector:
     """The quaternion of roll, pitch attitude and heading (rad)."""
-    sines, cosines = ([of(0.5 * x) for x in (phi, theta, psi)] for of in (math.sin, math.cos))
+    sines, cosines = ([of(0.5 * x) for x in (phi, theta, psi)] for of in (sin, cos))
     (s_phi, s_theta, s_psi), (c_phi, c_theta, c_psi) = sines, cosines
     cc, cs, ss, sc = c_phi * c_theta, c_phi * s_theta, s_phi * s_theta, s_phi * c_theta
     q = cc * c_psi + ss * s_psi, sc * c_psi - cs * s_psi

@@ -158,15 +158,17 @@ class JSBSimPlant:
             self.signals = (*properties.SIGNALS, *N_X_SIGNALS)
         self.limits: Limits = config.limits.limits(airspeed=takes_n_x)
         self.steps, self.rate = steps, config.inner_loop_rate * steps
-        self.seed, self.weather, self._ground = seed or LARGEST_SEED + 1, weather, ground
+        self.seed, self.weather, self.ground = seed or LARGEST_SEED + 1, weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
         self.fdm: Fdm | None = None
         self.errors: DrawnErrors | None = None
         self._observe: Callable[[], tuple[float, ...]] = _not_started
         self._write_phi_cmd: Callable[[float], object] = _not_started
 
-    def start(self, condition: FlightCondition) -> None:
+    def start(self, condition: FlightCondition, fdm: Fdm | None = None) -> None:
         """Build a fresh aircraft and trim it: steady, coordinated flight at `condition`.
+
+        `fdm` is an aircraft that was loaded already and has not flown.
 
         The velocity in `condition` is that through the air, also in wind.
 
@@ -188,10 +190,12 @@ class JSBSimPlant:
 
         # A start that fails must not leave the plant of an earlier flight behind.
         self._observe = self._write_phi_cmd = _not_started
-        files = unchanged(self.config)  # looking at them takes as long as ten evaluations
+        # Looking at the files takes as long as ten evaluations.
+        files = unchanged(self.config) if fdm is None else fdm.files
         settings = inner_loop_settings(self.config, files)  # refuses gains of another model
         bench.check_moves(self.config)
-        self.fdm = fdm = Fdm(self.config, steps=self.steps, ground=self._ground, files=files)
+        fdm = fdm or Fdm(self.config, steps=self.steps, ground=self.ground, files=files)
+        self.fdm = fdm
         fdm.writer("simulation/randomseed")(float(self.seed))
         for name, value in settings.items():
             fdm.writer(name)(value)
@@ -219,14 +223,12 @@ class JSBSimPlant:
             self._run = _sensed(fdm, self.errors, self.steps, self._run)
         self._observe = observe
 
-    def key_of_start(self, condition: FlightCondition) -> Hashable:
+    def key_of_start(self, condition: FlightCondition, files: Unchanged) -> Hashable:
         """All that a start at `condition` depends on: starts of one key are equal to the bit."""
-        from flighttune.vehicles.plants.jsbsim.model_files import unchanged
-
         config = self.config
         given = config.model_dump_json(), repr(config.gains), repr(config.off_nominal)
-        of_plant = self.steps, self.seed, self.weather, self._ground, tuple(self._later)
-        return unchanged(config, *given).key, of_plant, self.signals, self._takes_n_x, condition
+        of_plant = self.steps, self.seed, self.weather, self.ground, tuple(self._later)
+        return files.key, given, of_plant, self.signals, self._takes_n_x, condition
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians.

@@ -1,0 +1,166 @@
+"""Starts by machine code against those by JSBSim, number by number and to the bit."""
+
+import random
+
+import numpy as np
+import pytest
+from airframes import changed_aerosonde
+
+import flighttune as ft
+from flighttune.base.errors import TrimError
+from flighttune.control.controller import FlightCondition
+from flighttune.flight.loop import aircraft as loop_aircraft
+from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
+from flighttune.vehicles.compiled import engines, face, masses, trimming
+from flighttune.vehicles.compiled.check import _start_numbers
+from flighttune.vehicles.compiled.model import Air, Source
+from flighttune.vehicles.compiled.properties import named
+from flighttune.vehicles.compiled.rigid_body import INERTIA
+from flighttune.vehicles.compiled.trace import fabs
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.weather import Turbulence, Weather, WindProfile
+
+SPEED = {"aerosonde": 25.0, "x8": 18.0, "a4": 120.0}
+
+
+def draws(name, count, seed):
+    """Off-nominal aircraft with a flight in wind each, every second one in turbulence."""
+    draw = random.Random(seed).uniform
+    factors = ("mass", "lift", "drag", "ixx", "iyy", "izz")
+    for k in range(count):
+        numbers = {f"{key}_factor": draw(0.95, 1.05) for key in factors}
+        numbers |= {"actuator_lag_factor": draw(0.8, 1.5), "cg_aft_m": draw(-0.004, 0.004)}
+        wind = WindProfile(((0.0, (draw(-4, 4), draw(-4, 4), draw(-0.2, 0.2))),))
+        rough = Turbulence(severity=3, wind_20ft=4.0, model="tustin") if k % 2 else None
+        condition = FlightCondition(
+            V_a=SPEED[name] * draw(0.95, 1.1),
+            h=draw(600.0, 1500.0),
+            chi=draw(-3.1, 3.1),
+            gamma=draw(-0.05, 0.08),
+            phi=draw(-0.3, 0.3),
+        )
+        yield OffNominal.model_validate(numbers), condition, Weather(wind=wind, turbulence=rough)
+
+
+def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
+    """Names of states and parameters of a step that are not equal to the bit."""
+    turbulence = weather and weather.turbulence
+    step = face.compiled(config, turbulence=turbulence and turbulence.model)
+    assert isinstance(step, face.CompiledStep), step.reason
+    numbers = []
+    for fdm in (None, face.evaluated(config, ground=ground)):
+        plant = ft.loop.JSBSimPlant(config, weather=weather, ground=ground, **settings)
+        plant.start(condition, fdm)
+        numbers.append(_start_numbers(step, plant))
+    assert fdm is not None
+    expected, actual = numbers
+    assert len(expected) > 150
+    return [name for name in expected if expected[name] != actual[name]]
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("aerosonde", 6),
+        pytest.param("aerosonde", 120, marks=pytest.mark.soak),
+        pytest.param("x8", 120, marks=pytest.mark.soak),
+        pytest.param("a4", 120, marks=pytest.mark.soak),
+    ],
+)
+def test_starts_of_drawn_aircraft_are_those_of_jsbsim(name, count):
+    config = load_aircraft(name)
+
+    for off_nominal, condition, weather in draws(name, count, seed=count):
+        drawn = config.with_off_nominal(off_nominal)
+        assert differing_at_start(drawn, condition, weather) == [], (off_nominal, condition)
+
+
+@pytest.mark.slow
+def test_so_are_those_over_raised_ground_and_with_n_x():
+    config = load_aircraft("aerosonde")
+    condition = FlightCondition(V_a=25.0, h=900.0, gamma=0.02)
+
+    assert differing_at_start(config, condition, ground=430.0) == []
+    assert differing_at_start(config, condition, takes_n_x=True) == []
+
+
+@pytest.mark.parametrize("name", ["aerosonde", "a4", "c172p"])
+def test_masses_are_those_of_jsbsim(name):
+    off = OffNominal(mass_factor=1.03, cg_aft_m=0.01, ixx_factor=1.02, iyy_factor=0.97)
+    config = load_aircraft(name).with_off_nominal(off)
+    fdm, source = Fdm(config), Source(config, 1)
+
+    def value(name):
+        return fdm.reader(name)() if fdm.shows(name) else None
+
+    def shown(name):
+        return fdm.reader(name)()
+
+    found = masses.mass_properties(source.model(Air()).root, source.numbers, value)
+
+    of_mass = ["inertia/mass-slugs", *named("inertia/cg-{}-in")]
+    assert [found[name] for name in of_mass] == [shown(name) for name in of_mass]
+    signs = {"xx": 1.0, "yy": 1.0, "zz": 1.0, "xy": -1.0, "xz": 1.0, "yz": -1.0}
+    J = np.reshape([found[name] for name in INERTIA], (3, 3))
+    for axes, sign in signs.items():
+        i, j = ("xyz".index(axis) for axis in axes)
+        assert J[i, j] == sign * shown(f"inertia/i{axes}-slugs_ft2"), axes
+
+
+def test_an_engine_that_settles_is_started_by_jsbsim():
+    assert face.evaluated(load_aircraft("c172p")) is None
+
+
+def test_so_is_a_filter_of_the_model(tmp_path):
+    lag = '<lag_filter name="l"><input>aero/alpha-rad</input><c1>5</c1></lag_filter>'
+
+    def change(text):
+        system = f'<system name="more"><channel name="more">{lag}</channel></system>'
+        return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
+
+    config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
+
+    assert isinstance(face.compiled(config), face.CompiledStep)
+    assert face.evaluated(config) is None
+
+
+def later_wind(now, to_local, of=trimming._through_air):
+    return [x * (1.0 + 2.0**-52) for x in of(now, to_local)]
+
+
+def weaker(now, engine, of=engines._MOTORS["electric"]):
+    return fabs(of(now, engine)) * (1.0 - (2.0**-52 if now.trimming else 0.0))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (trimming, "_through_air", later_wind),
+        (engines._MOTORS, "electric", weaker),
+        (masses, "_SLUG", masses._SLUG * (1.0 + 2.0**-52)),
+    ],
+    ids=["wind", "engine", "mass"],
+)
+@pytest.mark.slow
+def test_a_wrong_start_is_found_and_jsbsim_starts(wrong, empty_cache, monkeypatch):
+    place, name, operation = wrong
+    setter = monkeypatch.setitem if isinstance(place, dict) else monkeypatch.setattr
+    setter(place, name, operation)
+    config = load_aircraft("aerosonde").with_off_nominal(OffNominal(mass_factor=1.02))
+
+    assert isinstance(face.compiled(config), face.CompiledStep)
+    assert face.evaluated(config) is None
+
+
+def test_a_start_that_fails_says_what_jsbsim_says():
+    steep = FlightCondition(V_a=120.0, gamma=1.2)
+    plant = ft.loop.JSBSimPlant("a4")
+    with pytest.raises(TrimError) as by_jsbsim:
+        plant.start(steep)
+    compiled = loop_aircraft.CompiledAircraft(ft.loop.JSBSimPlant("a4"))
+    compiled.compiles = True
+
+    with pytest.raises(TrimError) as said:
+        compiled.start(steep)
+
+    assert str(said.value) == str(by_jsbsim.value)
