@@ -8,6 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_in
+from flighttune.vehicles.compiled.pistons import _Air, _boosted
+from flighttune.vehicles.compiled.properties import Properties
+from flighttune.vehicles.compiled.trace import Graph
+from flighttune.vehicles.compiled.turbines import turbine
 from flighttune.vehicles.compiled.turboprops import _approach
 from flighttune.vehicles.compiled.vectors import euler_angles, matrix_of, quaternion_of
 
@@ -81,11 +85,22 @@ def test_an_attitude_straight_up_or_down_has_its_turn_in_roll(theta):
     assert euler_angles(matrix.tolist()) == pytest.approx((0.7, theta, 0.0), abs=ROUNDING)
 
 
+def engine_of(motor, pusher="<direct/>", thruster=""):
+    thruster = fromstring(f"<thruster>{thruster}</thruster>")
+    return EngineFile(0, fromstring(motor), thruster, fromstring(pusher), np.eye(3).tolist())
+
+
+def state_of(values):
+    now = Properties(Graph(), 1.0 / 120.0)
+    for name, value in values.items():
+        now[name] = value
+    return now
+
+
 def propeller(text, thruster="", **attributes):
     stated = " ".join(f'{name}="{value}"' for name, value in attributes.items())
-    part = fromstring(f"<propeller {stated}>{text}</propeller>")
-    motor, thruster = fromstring("<piston_engine/>"), fromstring(f"<thruster>{thruster}</thruster>")
-    return propeller_of(EngineFile(0, motor, thruster, part, np.eye(3).tolist()))
+    part = f"<propeller {stated}>{text}</propeller>"
+    return propeller_of(engine_of("<piston_engine/>", part, thruster))
 
 
 @pytest.mark.parametrize(("version", "sign"), [("1.0", 1.0), ("1.01", -1.0), ("1.1", -1.0)])
@@ -107,3 +122,39 @@ def test_a_propeller_is_what_its_file_states_and_otherwise_what_jsbsim_takes():
     of_bare, of_stated = (tuple(getattr(x, name) for name in names.split()) for x in (bare, stated))
     assert of_bare == (1e-6, 0.001, 1.0, 1.0, 1.0, 0.0, 1.0, None, False)
     assert of_stated == (0.5, 6.0, 2.0, 0.9, -1.0, 3.0, 1.0, (10.0, 40.0, 850.0, 2700.0), True)
+
+
+@pytest.mark.parametrize(("lever", "n_1", "n_2"), [(0.0, 30.0, 60.0), (1.0, 100.0, 100.0)])
+def test_shafts_of_a_turbine_whose_file_states_no_speeds_turn_as_jsbsim_takes_them(lever, n_1, n_2):
+    """`IdleN1`, `IdleN2`, `MaxN1` and `MaxN2` of FGTurbine.cpp, in %."""
+    thrusts = '<function name="IdleThrust"><value>0</value></function>'
+    thrusts += '<function name="MilThrust"><value>1</value></function>'
+    jet, at = engine_of(f"<turbine_engine>{thrusts}</turbine_engine>"), "propulsion/engine"
+    started = {"_first0": 1.0, f"{at}/set-running": 1.0, "fcs/throttle-pos-norm": lever}
+    unmoved = dict.fromkeys((f"{at}/n1", f"{at}/n2", "_n2-norm0", "aero/qbar-psf"), 0.0)
+    now = state_of(started | unmoved | {"atmosphere/sigma": 1.0})
+
+    turbine(now, jet)
+
+    assert (now[f"{at}/n1"], now[f"{at}/n2"]) == pytest.approx((n_1, n_2), rel=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("takeoff", "lever", "boost"), [(0.0, 1.0, 2.0), (4.0, 0.9, 2.0), (4.0, 1.0, 4.0)]
+)
+def test_a_supercharger_is_held_at_its_boost_and_at_that_of_takeoff_by_a_lever_fully_open(
+    takeoff, lever, boost
+):
+    """Boosts are pressures (psi) above the standard one; at sea level it could give 8 psi."""
+    charged = engine_of(
+        "<piston_engine><numboostspeeds>1</numboostspeeds><ratedboost1>2</ratedboost1>"
+        "<ratedpower1>1000</ratedpower1><ratedrpm1>2600</ratedrpm1>"
+        f"<ratedaltitude1>9000</ratedaltitude1><takeoffboost>{takeoff}</takeoffboost>"
+        "</piston_engine>"
+    )
+    now = state_of({"fcs/throttle-pos-norm": lever})
+
+    manifold, lost = _boosted(now, charged, 101325.0, _Air(101325.0, 101325.0, 2600.0, 40.0))
+
+    expected = 101325.0 + boost * POUND_PER_INCH_2
+    assert (manifold, lost) == pytest.approx((expected, 0.0), rel=JSBSIM_DIGITS)
