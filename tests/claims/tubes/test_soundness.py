@@ -22,10 +22,13 @@ from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.claims.tubes import tube as tubes
-from flighttune.claims.tubes.exact import enclosure_of
+from flighttune.claims.tubes.exact import OPEN, enclosure_of
+from flighttune.claims.tubes.forms import Quantity, combined
 from flighttune.claims.tubes.interval import Interval, Unbounded
-from flighttune.claims.tubes.sample import GAMMA, start_set
+from flighttune.claims.tubes.sample import GAMMA, Channel, start_set
 from flighttune.claims.tubes.search import Search
+
+ROUNDING = 1e-12
 
 RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
 PLANNED = {"chi_deg": [RAMP | {"rate_dps": 12.0}], "gamma_deg": [RAMP | {"rate_dps": -4.0}]}
@@ -238,6 +241,28 @@ def test_one_piece_beyond_what_the_exact_law_inverts_stops_the_tube(
 
     with nullcontext() if said is None else pytest.raises(Unbounded, match=said):
         enclosure._check_plain(errors, a, b)
+
+
+@pytest.mark.parametrize(
+    ("excess", "reached"),
+    [((-1.0, -0.5), (1.3, 1.3)), ((0.5, 1.0), (1.0, 1.0)), ((-1.0, 0.5), (1.0, 1.3))],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_integral_that_a_limit_may_hold_is_held_or_moved_on_and_no_wider(excess, reached, sign):
+    """From 1, by an increment of 0.3, where commands are free, limited, and on both sides."""
+    scenario = with_exact(tube_scenario(), {"kind": "kinematic"})
+    loop = tubes.stated_problem(scenario, EXACT_PAPER, start=0.1 * DEG).loop
+    enclosure = enclosure_of(loop, start_set(loop, 0.1 * DEG, sides=1, symbols=660), Search(loop))
+    enclosure._sides = {(0, 1.0): np.array([OPEN])}
+    row, *_ = enclosure.pieces.forms()
+    integral, increment = (combined((0.0, row), shift=sign * x) for x in (1.0, 0.3))
+    over = {1.0: Quantity(row, Interval(*np.transpose([excess])))}
+
+    after, _ = enclosure._integrated(0, [Channel(row, increment, over[1.0].values, over)], integral)
+
+    ends = enclosure._range(after)
+    found = sorted((sign * ends.low.item(), sign * ends.high.item()))
+    assert found == pytest.approx(reached, rel=ROUNDING)
 
 
 @pytest.mark.soak
