@@ -13,7 +13,7 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench
-from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, interior_root
+from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, interior_root, trim_table
 
 DEG = math.pi / 180.0
 
@@ -295,3 +295,16 @@ def test_a_table_of_trims_is_over_the_envelope_and_climbs_of_minus_10_to_45_deg(
     # of steady level flight the nose is the angle of attack, which falls with airspeed
     assert [x["theta_deg"] for x in level] == pytest.approx([x["alpha_deg"] for x in level])
     assert [x["alpha_deg"] for x in level] == sorted((x["alpha_deg"] for x in level), reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "climbs"), [((45.0, 60.0), (0.0,)), ((45.0,), (0.0, 60.0 * DEG, 3.0 * DEG))]
+)
+def test_a_trim_of_a_table_that_no_steady_flight_is_near_is_the_one_searched_alone(speeds, climbs):
+    """To the bit: the first of an airspeed, and one after a climb that is not steady."""
+    config = fdm_of("c172p").config  # its engine settles for seconds
+
+    *_, last = trim_table(config, V_a=speeds, gamma=climbs)
+
+    assert last["trim"] is not None
+    assert [last] == trim_table(config, V_a=speeds[-1:], gamma=climbs[-1:])
