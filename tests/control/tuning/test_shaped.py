@@ -116,6 +116,20 @@ def test_costs_and_peaks_are_those_of_the_worse_channel(scales):
     assert decay.costs(unit) == pytest.approx([max(decays)], rel=1e-9)
 
 
+def test_a_search_for_the_fastest_decay_ends_at_the_largest_sensitivity():
+    tuning = {"model": "identified", "objective": "decay", "identified": "aerosonde"}
+    (problem,) = identified_problems(made_up_scenario(tuning=tuning))
+    problem = replace(problem, K_fixed=DECOUPLED)
+    channels, slow_ones = [channel(problem.model, i) for i in (0, 1)], np.tile([0.9, 0.4], (2, 1))
+    search = _Search([problem], slow_ones.ravel())
+
+    z = search.end(search.start(1.0, 0.0), 0.0, restarts=1)
+
+    gains = search.parts(z)[0].reshape(2, 2)
+    assert max(map(sensitivity, channels, gains)) == pytest.approx(1.4, rel=SAME)
+    assert max(map(abscissa, channels, gains)) < 3.0 * max(map(abscissa, channels, slow_ones))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("objective", ["E_K", *slow("decay")])
 def test_an_identified_model_takes_the_objectives_that_are_its_own(objective):
