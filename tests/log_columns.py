@@ -217,9 +217,9 @@ ERRORS = {
     "n_z in m/s2": (scaled(G, "n_z"), r"n_z.*factor of 0\.102"),
     "n_z without gravity": (
         lambda x: {"n_z": x["n_z"] - np.cos(x["phi"]) * np.cos(x["theta"])},
-        r"n_z.*change by \+1",
+        r"n_z is .*change by \+1",
     ),
-    "n_z minus 1": (lambda x: {"n_z": x["n_z"] - 1.0}, r"n_z.*change by \+1"),
+    "n_z minus 1": (lambda x: {"n_z": x["n_z"] - 1.0}, r"n_z is .*change by \+1"),
     "V_a in kn": (scaled(1 / KNOT, "V_a"), r"V_a.*factor of 0\.5144"),
     "V_a in km/h": (scaled(3.6, "V_a"), r"V_a.*factor of 0\.2778"),
     "V_a in ft/s": (scaled(1 / FT, "V_a"), r"V_a.*factor of 0\.3048"),
