@@ -5,6 +5,7 @@ import math
 import os
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -31,6 +32,7 @@ from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, level
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
 MM_PER_S = 0.001
+STILL = 1e-3  # rad/s^2, where full aileron alone has 3.9
 
 
 @pytest.fixture(scope="module")
@@ -625,6 +627,22 @@ def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, surveye
     poles = np.roots([1.0, -model.of("p_dot", "p"), goals["roll_error_rad_s"] ** 2])
     assert goals["roll_rad_s"] == 4.0
     assert max(poles) == pytest.approx(-2.3 * 4.0, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_two_fifths_of_the_roll_rate_of_a_weak_aileron_are_commanded(own, surveyed, tmp_path):
+    """Of the side that moves less, by 2 deg."""
+    found = surveyed(own())
+    fdm = Fdm(aircraft_from(found.tables, tmp_path))
+    found.tables["surfaces"]["aileron"]["travel_deg"] = [-3.0, 2.0]
+    model = Airframe.about(fdm, level(fdm.config, found.V_a, 1000.0))
+
+    limits = final_tables(found, model, 1000.0, 1.0)["limits"]
+
+    # At the final rate the damping of the roll leaves no acceleration.
+    final = limits["phi_rate_dps"] * DEG / 0.4
+    rolling = replace(model.trimmed, p=final, aileron=2.0 * DEG)
+    assert Bench(fdm, 1000.0).accelerations(rolling)["p_dot"] == pytest.approx(0.0, abs=STILL)
 
 
 @pytest.mark.slow
