@@ -23,6 +23,9 @@ SMALL = np.finfo(float).eps * 1000.0
 
 # EKF2_ACC_NOISE, EKF2_GYR_NOISE, EKF2_GYR_B_NOISE, EKF2_GPS_P_NOISE, EKF2_GPS_V_NOISE, EKF2_TAU_POS
 ACC, GYR, GYR_B, GPS_P, GPS_V, TAU = 0.35, 0.015, 1e-3, 0.5, 0.3, 0.25
+ACC_B = 3e-3  # EKF2_ACC_B_NOISE
+SETTLED = 0.003
+"""Relative difference from the steady state after 60 s."""
 
 
 def standard(**numbers):
@@ -35,56 +38,87 @@ def pairs(n):
     return [[level.drawn(1, rng)[0, :, 0] for _ in range(2)] for _ in range(n)]
 
 
+def covariances(A, assumed, assumed_of_fix, driven, noise, slow, seconds):
+    """Covariance of the errors at each sample, without a random number, from an exact start.
+
+    `assumed` are densities and deviations that the filter knows, `driven` and `noise` the true
+    ones, and `slow` the fix, the deviation and the time constant of each slow error.
+    """
+    m, period = len(A), GRADES["standard"]["period"]
+    every, n, H = round(period / DT), 2 * m + len(slow), np.eye(2, m)
+    powers = [np.linalg.matrix_power(A, i) for i in range(every)]
+    Q = sum(p @ np.diag(np.square(assumed)) @ p.T for p in powers) * 0.01 * DT
+    R = np.diag(np.square(assumed_of_fix))
+    P = solve_discrete_are(np.linalg.matrix_power(A, every).T, H.T, Q, R)
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+
+    step, fix, output = np.eye(n), np.eye(n), np.eye(n)
+    step[:m, :m] = A
+    fix[m : 2 * m] -= K @ np.hstack([H, H, np.zeros((2, len(slow)))])
+    fix[m : 2 * m, 2 * m :] += K @ np.eye(2)[:, [which for which, *_ in slow]]
+    output[:m, m : 2 * m] = DT / TAU * np.eye(m)
+    output[m : 2 * m, m : 2 * m] = (1.0 - DT / TAU) * np.eye(m)
+    white = np.zeros((n, n))
+    white[m : 2 * m, m : 2 * m] = K @ np.diag(np.square(noise)) @ K.T
+    decay = np.array([math.exp(-period / tau) for *_, tau in slow])
+    variance = np.square([sd for _, sd, _ in slow])
+    D = np.diag([*np.ones(2 * m), *decay])
+    P = np.diag([*np.zeros(2 * m), *variance])
+    for k in range(round(seconds / DT)):
+        P = step @ P @ step.T
+        P[range(m), range(m)] += np.square(driven) * DT
+        if k % every == 0:
+            P = fix @ P @ fix.T + white
+        P = output @ P @ output.T
+        if k % every == every - 1:
+            P = D @ P @ D
+            P[range(2 * m, n), range(2 * m, n)] += (1.0 - decay**2) * variance
+        yield P
+
+
 @pytest.mark.slow
 def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
-    """Sample by sample, without a random number, 200 s from an exact start."""
+    """Over the last 50 s of 200 s."""
     x = GRADES["standard"]
+    A = np.array([[1, DT, G * DT * DT / 2, 0], [0, 1, G * DT, 0], [0, 0, 1, -DT], [0, 0, 0, 1]])
     slow = [
         (0, x["position_sd"], x["position_time_constant"]),
         (0, x["position_fast_sd"], x["position_fast_time_constant"]),
         (1, x["velocity_sd"], x["velocity_time_constant"]),
     ]
-    every = round(x["period"] / DT)
-    A = np.array([[1, DT, G * DT * DT / 2, 0], [0, 1, G * DT, 0], [0, 0, 1, -DT], [0, 0, 0, 1]])
-    Q, H = np.diag(np.square([0.0, ACC, GYR, GYR_B])) * 0.01 * DT, np.eye(2, 4)
-    powers = [np.linalg.matrix_power(A, i) for i in range(every)]
-    Q = sum(p @ Q @ p.T for p in powers)
-    R = np.diag([GPS_P**2, GPS_V**2])
-    P = solve_discrete_are(np.linalg.matrix_power(A, every).T, H.T, Q, R)
-    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    driven = 0.0, x["accelerometer_noise"], x["gyro_noise"], x["gyro_walk"]
+    noise, assumed = (x["position_noise"], x["velocity_noise"]), (0.0, ACC, GYR, GYR_B)
+    found = [*covariances(A, assumed, (GPS_P, GPS_V), driven, noise, slow, 200.0)]
 
-    n, of_slow = 11, slice(8, 11)
-    step, fix, output = np.eye(n), np.eye(n), np.eye(n)
-    step[:4, :4] = A
-    drive = np.square([0, x["accelerometer_noise"], x["gyro_noise"], x["gyro_walk"]]) * DT
-    fix[4:8] -= K @ np.hstack([H, H, np.zeros((2, 3))])
-    fix[4:8, of_slow] += K @ [[1, 1, 0], [0, 0, 1]]
-    output[:4, 4:8], output[4:8, 4:8] = DT / TAU * np.eye(4), (1.0 - DT / TAU) * np.eye(4)
-    white = np.zeros((n, n))
-    white[4:8, 4:8] = K @ np.diag(np.square([x["position_noise"], x["velocity_noise"]])) @ K.T
-    decay = np.array([math.exp(-x["period"] / tau) for _, _, tau in slow])
-    sd = np.array([s for _, s, _ in slow])
-    P, total, count = np.zeros((n, n)), np.zeros(3), 0
-    P[of_slow, of_slow] = np.diag(sd**2)
-    P[0, 0] = sd[0] ** 2 + sd[1] ** 2
-    for k in range(round(200 / DT)):
-        P = step @ P @ step.T
-        P[range(4), range(4)] += drive
-        if k % every == 0:
-            P = fix @ P @ fix.T + white
-        P = output @ P @ output.T
-        if k % every == every - 1:
-            D = np.diag([*np.ones(8), *decay])
-            P = D @ P @ D
-            P[range(8, n), range(8, n)] += (1.0 - decay**2) * sd**2
-        if k >= round(150 / DT):
-            total, count = total + np.diag(P)[:3], count + 1
-    position, velocity, tilt = np.sqrt(total / count)
+    late = np.mean([np.diag(P)[:3] for P in found[round(150 / DT) :]], axis=0)
+    position, velocity, tilt = np.sqrt(late)
 
     assert (position, velocity, tilt / DEG) == pytest.approx((1.527, 0.0657, 0.133), rel=0.005)
     sd = np.std([pair[0] for pair in pairs(2000)], axis=0)
     five_sigma = 5.0 / math.sqrt(2.0 * 2000)
     assert sd == pytest.approx((position, velocity, tilt), rel=five_sigma)
+
+
+def test_the_deviation_of_climb_is_that_of_the_covariance_recursion():
+    """Its accelerometer is twice as noisy; its slow error is half as large as its noise."""
+    # A filter that trusts its fixes settles soon, and lets their slow error through.
+    soon = {"filter_height": 0.5, "filter_climb": 0.1, "climb_time_constant": 10.0}
+    x = GRADES["standard"] | soon
+    A = np.array([[1, DT, DT * DT / 2], [0, 1, DT], [0, 0, 1]])
+    slow = [
+        (0, x["height_sd"], x["height_time_constant"]),
+        (1, 0.5 * x["climb_noise"], x["climb_time_constant"]),
+    ]
+    driven, noise = (
+        (0.0, 2.0 * x["accelerometer_noise"], 0.0),
+        (x["height_noise"], x["climb_noise"]),
+    )
+    assumed_of_fix = x["filter_height"], x["filter_climb"]
+    *_, last = covariances(A, (0.0, ACC, ACC_B), assumed_of_fix, driven, noise, slow, 60.0)
+
+    _, up, _ = standard(**soon).path_sd(DT, V)
+
+    assert up * V == pytest.approx(math.sqrt(last[1, 1]), rel=SETTLED)
 
 
 @pytest.mark.slow
