@@ -261,6 +261,22 @@ def test_slopes_meet_requirements_in_few_flights():
     assert flown(tight, gains).claim.verdict == "met"
 
 
+def test_moves_along_slopes_alone_meet_requirements_that_are_missed_by_four_times(overshoot):
+    """In four moves; each difference changes one gain by a tenth."""
+    with one_worker() as pool:
+        search = meet.Search(
+            [meet.flights_to_meet(overshoot, overshoot.law_tables[0])],
+            overshoot.laws[0],
+            kept_by(pool),
+        )
+        (start,) = search.fly([ft.PAPER_GAINS])
+        best = search._follow_slopes(start, 50)
+
+    assert start.worst.max() > 3.0
+    assert best.met
+    assert flown(overshoot, best.gains).claim.verdict == "met"
+
+
 def test_the_start_is_what_the_scenario_flies_and_the_others_are_named():
     slack = scenario(at_most(MO_deg=60.0), gains=["tuned_fed_back"], law="exact")
 
