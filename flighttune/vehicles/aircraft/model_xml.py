@@ -291,8 +291,7 @@ def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -
     if "actuator_lag" in fault.factors:
         for name in SURFACE_ACTUATORS:
             _only(channel, f"actuator[@name='{name}']/lag").text = f"{FAULT}actuator_rate"
-        off = config.off_nominal or OffNominal()
-        values["actuator_rate"] = SURFACE_LAG / off.actuator_lag_factor
+        values["actuator_rate"] = SURFACE_LAG  # a start writes that of its aircraft
     if fault.V_a_bias_mps:
         values["V_a-bias"] = 0.0
         largest = _only(root, ".//fcs_function[@name='ft/V_a-mps']/function/max")

@@ -13,7 +13,7 @@ from flighttune.base.files.code import JSBSIM
 from flighttune.flight.loop import aircraft, loop
 from flighttune.flight.loop.aircraft import CompiledAircraft
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
-from flighttune.vehicles.compiled import motion
+from flighttune.vehicles.compiled import face, motion
 from flighttune.vehicles.compiled.face import compiled as compiled_step
 
 pytest.importorskip("numba")
@@ -186,9 +186,9 @@ def test_so_is_that_of_adopted_ones(monkeypatch, aircraft, case):
     ids=["reference", "seed", "airspeed", "wind", "mass", "turbulence"],
 )
 def test_flights_that_begin_alike_are_started_once(monkeypatch, change, starts):
-    started, start = [], CompiledAircraft.start_in_jsbsim
+    started, start = [], CompiledAircraft._compiled_start
     monkeypatch.setattr(
-        CompiledAircraft, "start_in_jsbsim", lambda *x: started.append(x) or start(*x)
+        CompiledAircraft, "_compiled_start", lambda *x: started.append(x) or start(*x)
     )
     monkeypatch.setattr(loop, "COMPILED_FROM", 0)
     aircraft._kept_start.cache_clear()
@@ -216,6 +216,7 @@ def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
 def test_a_flight_whose_hidden_start_is_not_found_is_flown_by_jsbsim(monkeypatch):
     compiled_step(load_aircraft("aerosonde"))  # its check flight starts, too
     monkeypatch.setattr(motion, "_AT_START", np.eye(3).tolist())
+    monkeypatch.setattr(face, "evaluated", lambda *_, **__: None)  # JSBSim starts
 
     compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=1.0))
 

@@ -19,7 +19,7 @@ from flighttune.vehicles.aircraft.aircraft import (
     OffNominal,
     load_aircraft,
 )
-from flighttune.vehicles.aircraft.model_xml import BALLAST, FAULT
+from flighttune.vehicles.aircraft.model_xml import BALLAST, FAULT, SURFACE_LAG
 from flighttune.vehicles.plants.base import N_X_SIGNALS, FlightCondition, Stop, StopStatus
 from flighttune.vehicles.plants.jsbsim import properties
 
@@ -200,6 +200,10 @@ class JSBSimPlant:
         for name, value in settings.items():
             fdm.writer(name)(value)
         fdm.writer(properties.N_X_SHOWN)(float(self._shows_n_x))
+        off = self.config.off_nominal
+        if off and off.fault and "actuator_lag" in off.fault.factors:
+            # Varied aircraft share the file.
+            fdm.writer(f"{FAULT}actuator_rate")(SURFACE_LAG / off.actuator_lag_factor)
         if missing := set(fdm.names(properties.GAINS)) - settings.keys():
             raise PlantError(
                 f"{self.config.folder / GAINS_FILE}: `gains` must give "

@@ -74,6 +74,21 @@ def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said()
     assert fdm.reader("ft/fault/actuator_rate")() == 25.0 / 4.0
 
 
+@pytest.mark.parametrize("factor", [1.5, 2.0])
+def test_actuators_of_varied_aircraft_have_their_own_lag_before_and_after_a_fault(factor):
+    for other in (1.2, factor):  # one after the other in a process
+        fault = Fault(from_s=FROM_S, actuator_lag_factor=4.0)
+        off = OffNominal(actuator_lag_factor=other, fault=fault)
+        plant = ft.loop.JSBSimPlant("aerosonde", off_nominal=off)
+        plant.start(LEVEL)
+        rate = plant.fdm.reader("ft/fault/actuator_rate")
+        before = rate()
+        for _ in range(11):
+            plant.advance(0.0, 1.0, SAMPLE)
+
+        assert (before, rate()) == pytest.approx((25.0 / other, 25.0 / other / 4.0), rel=1e-12)
+
+
 @pytest.mark.slow
 def test_an_airspeed_sensor_that_reads_low_makes_the_aircraft_fly_as_much_too_fast():
     """The inner loop holds what it measures, and the law is told the same airspeed."""
