@@ -69,8 +69,8 @@ WEATHER = {
 class TimedPlant(JSBSimPlant):
     """Notes when its flight begins: building and trimming are not part of the loop."""
 
-    def start(self, condition: FlightCondition) -> None:
-        super().start(condition)
+    def start(self, condition: FlightCondition, fdm: Fdm | None = None) -> None:
+        super().start(condition, fdm)
         self.began = time.process_time()
 
 
