@@ -73,6 +73,12 @@ def kept_by(pool):
     return KeptRows(None, {}, pool)
 
 
+def search_of(scenario, pool):
+    """A search of gains for the first law of a scenario."""
+    flights = meet.flights_to_meet(scenario, scenario.law_tables[0])
+    return meet.Search([flights], scenario.laws[0], kept_by(pool))
+
+
 def flown(of, gains):
     tables = of.as_dict() | {"gains": [{"name": "own", **gains.as_lists()}]}
     return ft.fly(scenario_from(tables))
@@ -264,11 +270,7 @@ def test_slopes_meet_requirements_in_few_flights():
 def test_moves_along_slopes_alone_meet_requirements_that_are_missed_by_four_times(overshoot):
     """In four moves; each difference changes one gain by a tenth."""
     with one_worker() as pool:
-        search = meet.Search(
-            [meet.flights_to_meet(overshoot, overshoot.law_tables[0])],
-            overshoot.laws[0],
-            kept_by(pool),
-        )
+        search = search_of(overshoot, pool)
         (start,) = search.fly([ft.PAPER_GAINS])
         best = search._follow_slopes(start, 50)
 
@@ -355,9 +357,7 @@ def test_gains_that_never_settle_rank_behind_those_that_settle_late():
     late = scenario(at_most(settling_s=2.0))  # 6.1 s with K*
     weak = ft.PIGains(K_P=0.3 * ft.PAPER_GAINS.K_P, K_I=0.003 * ft.PAPER_GAINS.K_I)
     with one_worker() as pool:
-        search = meet.Search(
-            [meet.flights_to_meet(late, late.law_tables[0])], late.laws[0], kept_by(pool)
-        )
+        search = search_of(late, pool)
         never, paper = search.fly([weak, ft.PAPER_GAINS])
 
     assert np.isnan(never.checks[0][0].value)
@@ -366,11 +366,7 @@ def test_gains_that_never_settle_rank_behind_those_that_settle_late():
 
 def test_gains_that_miss_fewer_draws_rank_first_whatever_they_miss_by(overshoot):
     with one_worker() as pool:
-        search = meet.Search(
-            [meet.flights_to_meet(overshoot, overshoot.law_tables[0])],
-            overshoot.laws[0],
-            kept_by(pool),
-        )
+        search = search_of(overshoot, pool)
 
     excesses = [[-0.5, -0.4, -0.3], [-0.5, -0.4, 0.9], [-0.5, 0.1, 0.1], [-0.5, 0.2, 0.1]]
     values = [

@@ -94,7 +94,7 @@
     say(`${doing}: ${said}`, failed);
     if (done && window === mine) set(values ?? {});
   };
-  // What is found would have no sliders to move.
+  // A search ends with its window: the gains that it finds would have no sliders to move.
   addEventListener("pagehide", () => searching && ask("stop"));
   redraw();
 })();

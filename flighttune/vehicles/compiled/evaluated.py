@@ -241,6 +241,7 @@ class EvaluatedFdm(Fdm):
     def _write_height(self, h: float) -> bool:
         before = self._parameters[self._parameters_at[trimming.RADIUS]]
         radius = self._evaluation.model.planet.radius + h
+        # JSBSim scales the position, which rounds.
         self._parameters[self._parameters_at[trimming.RADIUS]] = before * (radius / before)
         return True
 

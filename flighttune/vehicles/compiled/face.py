@@ -85,7 +85,7 @@ def evaluated(
     except Unchecked as why:
         reasons.append(str(why))
     except Unsupported:
-        pass
+        pass  # a start is not refused to its user: JSBSim makes it
     return None
 
 

@@ -30,7 +30,7 @@ from flighttune.vehicles.plants.jsbsim.fdm import Angles, Fdm
 _TRIED = 64
 
 # Rotation from the Earth to north, east and down where flights begin.
-_AT_START = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)
+AT_START = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)
 
 
 def neighbours(x: float, count: int) -> Iterator[float]:
@@ -77,7 +77,7 @@ def quaternion_from(
         angles[i] = angle
         local = quaternion_by(*angles)
         angles = list(euler_angles(matrix_of(local)))
-    q = [float(x) for x in quaternion_product(quaternion_of(_AT_START), local)]
+    q = [float(x) for x in quaternion_product(quaternion_of(AT_START), local)]
     if not _gives(q, motions, dt):
         raise Unsupported("the attitude at this start")
     return q

@@ -6,6 +6,7 @@ written to it changes the others by rounding.
 """
 
 from flighttune.vehicles.compiled.ir import step_ir
+from flighttune.vehicles.compiled.motion import AT_START
 from flighttune.vehicles.compiled.properties import (
     INERTIAL_RATES,
     INERTIAL_VELOCITY,
@@ -54,9 +55,6 @@ WRITE = KIND, AXIS, VALUE = "_ic-kind", "_ic-axis", "_ic-value"
 BODY, ANGLE, LOCAL = 0.0, 1.0, 2.0
 
 ANGLES = named("ic/{}-rad", ("phi", "theta", "psi-true"))
-
-# Rotation from the Earth to north, east and down where flights begin.
-_AT_START = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)
 
 # An initial state that nothing was written to
 AT_REST = dict.fromkeys((*STATE, *RATES), 0.0) | {ATTITUDE[0]: 1.0}
@@ -155,7 +153,7 @@ def _set_motion(now: Properties) -> None:
     local = now.vector(ATTITUDE)
     to_body = matrix_of(local)
     now.put(POSITION, [now[RADIUS], 0.0, 0.0])
-    q = quaternion_product(quaternion_of(_AT_START), local)
+    q = quaternion_product(quaternion_of(AT_START), local)
     now.put(QUATERNION, q)
     velocity = times(to_body, now.vector(OVER_GROUND))
     now.put(INERTIAL_VELOCITY, times(transposed(matrix_of(q)), velocity))

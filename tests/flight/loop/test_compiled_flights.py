@@ -215,7 +215,7 @@ def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
 
 def test_a_flight_whose_hidden_start_is_not_found_is_flown_by_jsbsim(monkeypatch):
     compiled_step(load_aircraft("aerosonde"))  # its check flight starts, too
-    monkeypatch.setattr(motion, "_AT_START", np.eye(3).tolist())
+    monkeypatch.setattr(motion, "AT_START", np.eye(3).tolist())
     monkeypatch.setattr(face, "evaluated", lambda *_, **__: None)  # JSBSim starts
 
     compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=1.0))
