@@ -74,6 +74,18 @@ def test_requirements_are_counted_over_completed_flights_the_most_missed_first(f
     assert itae["bound"] == 4.0
 
 
+def test_a_requirement_of_flights_none_of_which_completed_comes_last(plan):
+    rows = made_up_rows(plan)
+    lost = (rows["plant"] == CRAFT) & (rows["gains"] == "paper")
+    rows.loc[lost, "status"] = "diverged"
+    of_lost = {"plant": CRAFT, "gains": "paper", "at_most": {"chi": {"ITAE": 4.0}}}
+    others = {"at_most": {"gamma": {"ITAE": 9.0}}}
+
+    last = findings_of(rows, made_up_plan(of_lost, others)).values["requirements"][-1]
+
+    assert (last["measure"], last["n"], last["near"]) == ("chi.ITAE", 0, None)
+
+
 def test_a_bound_on_the_loop_counts_flights_of_gains_that_miss_it(plan):
     """R_K on the kinematic law is 0.461 1/s with `paper`, 0.592 with K3 (`flighttune certify`)."""
     bound = {"at_least": {"loop": {"R_K": 0.5}}, "at_most": {"chi": {"ITAE": 4.0}}}

@@ -105,6 +105,8 @@ def test_turboprops_and_jets_with_afterburners_are_those_of_jsbsim_to_the_bit(tm
         assert lever.min() < 0.6
         assert lever.max() > 1.0
         assert np.unique(thrust).size > 100
+    # Functions that JSBSim looks for by name are shown below their engine.
+    assert {f"propulsion/engine[{n}]/MilThrust" for n in (3, 4)} <= flown.keys()
 
 
 @pytest.mark.slow

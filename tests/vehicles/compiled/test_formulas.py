@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_in
-from flighttune.vehicles.compiled.pistons import _Air, _boosted
+from flighttune.vehicles.compiled.pistons import _Air, _boosted, power_of
 from flighttune.vehicles.compiled.properties import Properties
+from flighttune.vehicles.compiled.tables import Table1, Table2, Table3
 from flighttune.vehicles.compiled.trace import Graph
 from flighttune.vehicles.compiled.turbines import turbine
 from flighttune.vehicles.compiled.turboprops import _approach
@@ -158,3 +159,32 @@ def test_a_supercharger_is_held_at_its_boost_and_at_that_of_takeoff_by_a_lever_f
 
     expected = 101325.0 + boost * POUND_PER_INCH_2
     assert (manifold, lost) == pytest.approx((expected, 0.0), rel=JSBSIM_DIGITS)
+
+
+@pytest.mark.parametrize(("rpm", "fuel", "running"), [(1000.0, 0.001, 1.0), (200.0, 0.001, 0.0)])
+def test_a_piston_engine_shows_that_it_runs_and_that_it_stands(rpm, fuel, running):
+    """`Running` of FGPiston.cpp, below 80 % of the idle speed of 600 1/min."""
+    at = "propulsion/engine[0]"
+    of_air = {"atmosphere/P-psf": 2116.2, "atmosphere/T-R": 518.7, "propulsion/pt-lbs_sqft": 2116.2}
+    of_engine = dict.fromkeys((f"{at}/ram-air-factor", f"{at}/set-running"), 1.0)
+    of_engine |= {f"{at}/air-intake-impedance-factor": 0.15, f"{at}/volumetric-efficiency": 0.85}
+    of_engine |= {f"{at}/friction-hp": 1.5, f"{at}/bsfc-lbs_hphr": 0.32, "_throttled0": 9e4}
+    of_engine |= {f"{at}/propeller-rpm": rpm, f"{at}/fuel-flow-rate-pps": fuel}
+    levers = dict.fromkeys(("fcs/throttle-pos-norm[0]", "fcs/mixture-pos-norm[0]"), 1.0)
+    now = state_of(of_air | of_engine | levers)
+
+    power_of(now, engine_of("<piston_engine/>", "<propeller/>"))
+
+    assert now[f"{at}/set-running"] == running
+
+
+@pytest.mark.parametrize("x", [-1.0, 2.0, 9.0])
+def test_a_table_of_one_row_or_column_or_point_has_no_slope_along_it(x):
+    """FGTable.cpp, where an axis with a single point is not searched."""
+    line = Table1((0.0, 4.0), (1.0, 9.0)).at(x)
+    assert line == pytest.approx(np.interp(x, (0.0, 4.0), (1.0, 9.0)), rel=ROUNDING)
+
+    assert Table1((2.0,), (7.0,)).at(x) == 7.0
+    assert Table2((2.0,), (0.0, 4.0), (1.0, 9.0)).at(-5.0, x) == line
+    assert Table2((0.0, 4.0), (2.0,), (1.0, 9.0)).at(x, -5.0) == line
+    assert Table3((2.0,), (Table2((0.0, 4.0), (2.0,), (1.0, 9.0)),)).at(x, 0.0, 5.0) == line

@@ -9,7 +9,7 @@ from places import SHIPPED_AIRCRAFT
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.vehicles.identification.design import Airframe, inner_loop_gains
+from flighttune.vehicles.identification.design import Airframe, check_steps, inner_loop_gains
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
@@ -24,6 +24,8 @@ DUTCH_ROLL = 0.7  # of critical damping: docs of the design
 """Share by which gains move with the flow behind a propeller from evaluation to evaluation."""
 MOMENTUM, FOOT_POUND = 28.0, 1.3558179
 """Angular momentum of a propeller, ft lbf s, and N m in a foot-pound."""
+STEP_REACHED = 0.05
+"""Rad of roll, and load factors of 1, at the end of a step."""
 CG_AFT = 0.05888
 DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 """In a sideslip it has a part along the wing."""
@@ -207,3 +209,19 @@ def test_without_a_design_table_there_is_nothing_to_design_for():
 
     with pytest.raises(ft.InputError, match=r"aircraft.toml: `design` must be given"):
         ft.design(config)
+
+
+def test_an_aircraft_is_shown_rolling_and_in_a_pull_up_and_a_push_over():
+    config = AEROSONDE.model_copy(
+        update={"design": AEROSONDE.design.model_copy(update={"V_a_shown": (V_A, 1.1 * V_A)})}
+    )
+
+    steps = check_steps(config)
+
+    assert [step.V_a for step in steps] == [V_A] * 3 + [1.1 * V_A] * 3
+    for roll, pull, push in (steps[:3], steps[3:]):
+        assert [step.channel for step in (roll, pull, push)] == ["phi", "n_z", "n_z"]
+        assert pull.size == -push.size > 0.0
+        ends = [step.signals[step.channel][-1] for step in (roll, pull, push)]
+        expected = roll.size, 1.0 + pull.size, 1.0 + push.size
+        assert ends == pytest.approx(expected, abs=STEP_REACHED)
