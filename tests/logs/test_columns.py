@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from fuzzing import slow
-from log_columns import ERRORS, RIGHT, sampled
+from log_columns import ERRORS, RIGHT, outer_loop, sampled
 from log_files import heavy_cessna
 from scipy import constants
 
@@ -19,6 +19,8 @@ MORE = (
     *("p is another", "psi rests", "V_a of the ground", "clock times 1.1", "chi magnetic"),
     "psi by 90",
 )
+UNLIKE = 0.005
+"""Less correlation of columns that are apart by a sample of 0.1 s."""
 FLIGHTS = {
     "still air": RIGHT["turns and climbs"],
     "wind": RIGHT["wind of 0.4 of the airspeed"],
@@ -232,3 +234,21 @@ def test_units_that_are_mistaken_have_the_factors_of_their_definitions():
     assert checks.MISTAKEN["length"] == read
     for kind in ("angle", "rate"):
         assert checks.MISTAKEN[kind] == {"deg read as rad": pytest.approx(constants.degree)}
+
+
+@pytest.mark.parametrize(
+    ("columns", "by", "as_alike"),
+    [("pqr", 1, False), (("v_north", "v_east", "v_down"), 1, False), (("phi_cmd",), -3, True)],
+)
+def test_columns_of_motion_are_alike_at_their_time_and_commands_at_their_delay(
+    columns, by, as_alike
+):
+    given = {name: column[::10].copy() for name, column in outer_loop(60.0, seed=1).items()}
+    del given["t_s"]
+
+    right, moved = (
+        checks._Judgement(x, 0.1).likeness for x in (given, checks._moved(columns, by)(given))
+    )
+
+    assert (abs(moved - right) < UNLIKE) == as_alike
+    assert moved < right + UNLIKE
