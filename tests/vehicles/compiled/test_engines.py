@@ -37,12 +37,38 @@ JET = """<turbine_engine name="jet"><milthrust>0.08</milthrust><maxthrust>0.12</
     <function name="MilThrust"><product><value>0.9</value>
         <property>atmosphere/sigma</property></product></function>
     <function name="AugThrust"><value>0.95</value></function></turbine_engine>"""
+MOTOR = '<electric_engine name="motor"><power unit="WATTS">30</power></electric_engine>'
+GOVERNED = """<propeller><ixx unit="KG*M2">0.0003</ixx><diameter unit="M">0.4</diameter>
+    <numblades>2</numblades><gearratio>1.5</gearratio><ct_factor>0.02</ct_factor>
+    <cp_factor>0.8</cp_factor><minpitch>5</minpitch><maxpitch>35</maxpitch>
+    <minrpm>1500</minrpm><maxrpm>2500</maxrpm>
+    <table name="C_THRUST" type="internal"><tableData>
+             5    35
+        0.0  0.08 0.12
+        0.9  0.02 0.07
+        2.5  0.01 0.02 </tableData></table>
+    <table name="C_POWER" type="internal"><tableData>
+             5    35
+        0.0  0.05 0.12
+        0.9  0.01 0.08
+        2.5 -0.05 0.01 </tableData></table>
+    <table name="CT_MACH" type="internal">
+        <tableData> 0.1 1.0\n 0.3 0.8 </tableData></table>
+    <table name="CP_MACH" type="internal">
+        <tableData> 0.1 1.0\n 0.3 1.3 </tableData></table>
+    </propeller>"""
+NOZZLE = '<nozzle><area unit="IN2">0.0005</area></nozzle>'
 ENGINES = (
     (TURBOPROP.format(torque=-1), PROPELLER),
     (TURBOPROP.format(torque=0.02), PROPELLER),
     (JET.format(method=1), "<direct/>"),
-    (JET.format(method=2), "<direct/>"),
+    (JET.format(method=2), NOZZLE),
+    (MOTOR, GOVERNED),
 )
+# Off the axis, askew, and with a propeller that turns the other way.
+ASIDE = """<location unit="M"><x>-0.1</x><y>0.2</y><z>-0.05</z></location>
+    <orient unit="DEG"><roll>5</roll><pitch>4</pitch><yaw>-3</yaw></orient>
+    <sense>-1</sense><p_factor>3</p_factor>"""
 PLACE = '<location unit="M"><x>0.05888</x><y>0</y><z>0</z></location>'
 # Levers follow the roll, from idle to beyond the end.
 LEVER = """<fcs_function name="test/lever-{0}"><function><sum><value>0.5</value><product>
@@ -67,7 +93,9 @@ def replaced(file, *changes):
 
 
 @pytest.mark.slow
-def test_turboprops_and_jets_with_afterburners_are_those_of_jsbsim_to_the_bit(tmp_path):
+def test_turboprops_jets_with_afterburners_and_governed_propellers_are_those_of_jsbsim_to_the_bit(
+    tmp_path,
+):
     folder = tmp_path / "aircraft"
     shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
     numbered = dict(enumerate(ENGINES, 1))
@@ -75,8 +103,8 @@ def test_turboprops_and_jets_with_afterburners_are_those_of_jsbsim_to_the_bit(tm
         (folder / "Engines" / f"motor{n}.xml").write_text(motor)
         (folder / "Engines" / f"thruster{n}.xml").write_text(thruster)
     more = "".join(
-        f'<engine file="motor{n}"><feed>0</feed><thruster file="thruster{n}">{PLACE}</thruster>'
-        "</engine>"
+        f'<engine file="motor{n}"><feed>0</feed><thruster file="thruster{n}">'
+        f"{PLACE if n < 4 else ASIDE}</thruster></engine>"
         for n in numbered
     )
     levers = "".join(map(LEVER.format, numbered))
