@@ -20,8 +20,8 @@ from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 import flighttune as ft
 from flighttune.base.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
-from flighttune.studies.adoption.adopt import aircraft_text, final_tables
-from flighttune.studies.adoption.survey import _largest_drag, survey, wide_tables
+from flighttune.studies.adoption.adopt import aircraft_text, elevator_zero, final_tables
+from flighttune.studies.adoption.survey import Lift, Survey, _largest_drag, survey, wide_tables
 from flighttune.vehicles.aircraft.aircraft import aircraft_from
 from flighttune.vehicles.aircraft.model_xml import in_inches
 from flighttune.vehicles.identification.design import Airframe
@@ -615,18 +615,51 @@ def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, surveyed)
     assert note.startswith("its propeller makes it a gyroscope")
 
 
-@pytest.mark.soak
-def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, surveyed, tmp_path):
-    found = surveyed(own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 0.4 "))
-    config = aircraft_from(found.tables, tmp_path)
-    model = Airframe.about(Fdm(config), level(config, found.V_a, 1000.0))
+def made_up(*, p_dot=-40.0, elevator=-0.1):
+    """A survey and the slopes of an aeroplane that stalls at 20 m/s, at 30 m/s."""
+    alpha = np.array([-0.2, -0.1, 0.0, 0.3])
+    lift = Lift(alpha, 2.5 * alpha + 0.25, 0.02 + alpha**2, 0.3, -0.2, 20.0)
+    tables = {"surfaces": {"aileron": {"travel_deg": [-30.0, 20.0]}}}
+    slopes = {"p_dot": {"p": p_dot, "aileron": 200.0}, "n_z": {"alpha": 20.0, "elevator": elevator}}
+    slopes["q_dot"] = {"alpha": -30.0, "q": -5.0, "elevator": -40.0}
+    model = Airframe(trimmed=AirframeState(V_a=30.0), slopes=slopes)
+    return Survey(tables, lift, 30.0, 1.0, 10.0, ("", 0.0), ()), model
+
+
+def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others():
+    found, model = made_up()
 
     goals = final_tables(found, model, 1000.0, 1.0)["design"]
 
     # e'' - L_p e' + roll_error^2 e = 0: the slow pole is that which 4 rad/s has without damping.
-    poles = np.roots([1.0, -model.of("p_dot", "p"), goals["roll_error_rad_s"] ** 2])
+    poles = np.roots([1.0, 40.0, goals["roll_error_rad_s"] ** 2])
     assert goals["roll_rad_s"] == 4.0
     assert max(poles) == pytest.approx(-2.3 * 4.0, rel=1e-6)
+    assert "roll_error_rad_s" not in final_tables(*made_up(p_dot=-20.0), 1000.0, 1.0)["design"]
+
+
+def test_load_factors_stay_below_the_lift_and_within_the_envelope():
+    """At 1.5 times the stalling speed the wings lift 2.25 times the weight, and 0.56 downwards."""
+    found, model = made_up()
+
+    tables = final_tables(found, model, 1000.0, 1.0)
+
+    assert tables["limits"]["n_z"] == pytest.approx([-0.85 * 2.25 * 0.25, 0.85 * 2.25])
+    low, high = tables["limits"]["n_z"]
+    assert tables["envelope"]["n_z"] == pytest.approx([low - 1.0, high + 1.0])
+    assert tables["envelope"]["V_a_mps"] == pytest.approx([1.05 * 20.0, 1.8 * 30.0])
+    assert tables["envelope"]["alpha_deg"] == pytest.approx([-0.2 / DEG - 1.0, 0.3 / DEG])
+
+
+@pytest.mark.parametrize("elevator", [0.4, 0.8, -0.1])
+def test_a_load_factor_is_slower_than_the_zero_of_its_elevator(elevator):
+    _, model = made_up(elevator=elevator)
+
+    # The short period whose elevator keeps the load factor: alpha' = q, q' = M alpha + M_q q.
+    stiffness = -30.0 + 40.0 * 20.0 / elevator
+    roots = np.roots([1.0, 5.0, -stiffness])
+    expected = max(roots.real) if elevator > 0.0 else math.inf
+    assert elevator_zero(model) == pytest.approx(expected)
 
 
 @pytest.mark.slow
