@@ -85,7 +85,7 @@ class RecordingError(InputError):
     --------
     >>> ft.load("nowhere.rrd")
     Traceback (most recent call last):
-    RecordingError: nowhere.rrd: must be a recording (.rrd), got no such file.
+    RecordingError: nowhere.rrd: there is no such file.
     """
 
 

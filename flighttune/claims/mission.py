@@ -319,7 +319,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
     claim = flown.claim(epsilon, confidence, claims)
     flown.check_path(claim, areas, fence, terrain)
-    band = flown.count(claim, areas, fliers)
+    hours = declared is not None
+    stages = (counted is None) + (turning is not None) + hours
+    first = fliers.at_stage(1, stages)
+    band = flown.count(claim, areas, first)
     with together():
         if file is not None:
             flown.save(band, file)
@@ -333,11 +336,12 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             if file is not None and file.absolute() != written.absolute():
                 _remove_beside(written)
             band.save(written)
-        way = flown.way_to_complete(band, fliers)
+        way = flown.way_to_complete(band, first)
         files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
         if turning is not None:
-            odds = odds.with_room(_counted_room(turning, flown.place, claim, file, fliers))
+            stage = fliers.at_stage(stages - hours, stages)
+            odds = odds.with_room(_counted_room(turning, flown.place, claim, file, stage))
         if declared is not None:
             rate = count_per_hour(
                 flown.plan,
@@ -346,7 +350,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
                 alarms=alarms,
                 confidence=hourly,
                 unfinished=None if file is None else unfinished_beside(per_hour_beside(file)),
-                fliers=fliers,
+                fliers=fliers.at_stage(stages, stages),
             )
             odds = odds.with_rate(rate)
         return odds

@@ -186,13 +186,15 @@ class PerHour(Answering):
     def verify(self, count: int | None, fliers: Fliers) -> Verification:
         """Repeat `count` random flights of each term with JSBSim, and compare all their numbers."""
         rng, notes = np.random.default_rng(), []
-        for term in (*self.terms, *self.later):
+        terms = (*self.terms, *self.later)
+        for number, term in enumerate(terms, start=1):
             flights = len(term)
             again = min(flights, flights_again(AGAIN) if count is None else count)
             runs = np.sort(rng.choice(flights, again, replace=False)).tolist()
             try:
                 of_term = self.flights_of(term)
-                with code.in_jsbsim(), WorkerPool(fliers) as pool:
+                stage = fliers.at_stage(number, len(terms))
+                with code.in_jsbsim(), WorkerPool(stage) as pool:
                     flown = of_term.flown(pool, runs, "counting again")
             except InputError as error:
                 return Verification(valid=False, reason=str(error))

@@ -208,7 +208,7 @@ def load_log(
     Run
         Its signals are in SI and radians at one sample time; north, east and down count from its
         start, and gaps of the log are NaN. ``provenance.scenario["log"]`` lists the flight modes,
-        odd or missing signals, and the checks of units and signs.
+        faults of sensors, missing signals, and the checks of units and signs.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def load_log(
     said = degrees_as_radians(raw)  # before angles are wrapped
     modes = {**_tables()["modes"], "csv": {}}
     named = {**modes["DataFlash"], **modes[kind]} if kind == "MAVLink" else modes[kind]
-    times, odd = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
+    times, faults = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
     chosen: list[Phase] = []
     if mode:
         chosen = [phase for phase in times if phase.name.lower() == mode.lower()]
@@ -274,7 +274,7 @@ def load_log(
         "kind": kind,
         "from_s": start,
         "phases": in_words(times),
-        "odd": odd,
+        "sensors": faults,
         "missing": missing,
         "gaps": gaps + large,
         "checks": [*wrong, *notes],

@@ -235,7 +235,7 @@ class Phase(NamedTuple):
 def phases(
     place: str, raw: dict[str, Stream], modes: dict[str, str], states: dict[str, list[float]]
 ) -> tuple[list[Phase], list[str]]:
-    """Phases of a log, and sentences on oddities; their streams are removed from `raw`."""
+    """Phases of a log, and sentences on its sensors; their streams are removed from `raw`."""
     events = {name: raw.pop(name) for name in EVENTS if name in raw}
     attitude = raw.get("phi", raw.get("q_x", raw.get("q_enu_x")))
     if attitude is None or not np.isfinite(attitude[0]).any():
@@ -249,7 +249,7 @@ def phases(
         listed += [Phase(name, *times) for *times, on in _intervals((t, state), last - zero) if on]
     for start, end, value in _intervals(events.get("mode", NOTHING), last - zero):
         listed.append(Phase(modes.get(f"{value:.0f}", f"mode {value:.0f}"), start, end))
-    return listed, _odd(events, last - zero)
+    return listed, _of_sensors(events, last - zero)
 
 
 def in_words(listed: list[Phase]) -> list[str]:
@@ -274,7 +274,7 @@ def _intervals(stream: Stream, last: float) -> Iterator[tuple[float, float, floa
             yield float(start), float(end), float(value)
 
 
-def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
+def _of_sensors(events: Mapping[str, Stream], last: float) -> list[str]:
     """Sentences on clipping and vibration of the accelerometers, and on a lost position."""
     sentences = []
     clips = (events.get(name, NOTHING) for name in CLIPS)
@@ -285,7 +285,7 @@ def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
     if len(sizes := np.hstack([events.get(name, NOTHING)[1] for name in VIBRATIONS])):
         most = float(sizes.max())
         end = f", where up to {MAX_VIBRATION:g} is acceptable" if most > MAX_VIBRATION else ""
-        sentences.append(f"The accelerometers vibrate by up to {most:.3g} m/s2{end}.")
+        sentences.append(f"The accelerometers vibrate by up to {most:.3g} m/s²{end}.")
     if lost := [x for x in _intervals(events.get("fix", NOTHING), last) if x[2] < FIX_3D]:
         total = sum(end - start for start, end, _ in lost)
         sentences.append(

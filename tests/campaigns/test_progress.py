@@ -89,3 +89,9 @@ def test_flights_flown_again_come_on_top_of_a_budget():
             shown.append(pool.progress.part)
 
     assert shown == [(2, 3), (4, 4), (5, 5)]
+
+
+@pytest.mark.parametrize(("counts", "said"), [(3, "stage 2 of 3, starting: "), (1, "starting: ")])
+def test_a_command_that_counts_several_times_says_which_stage_it_is_at(counts, said):
+    with WorkerPool(Fliers(workers=1).at_stage(min(2, counts), counts)) as pool:
+        assert pool.progress.sentence.startswith(said)

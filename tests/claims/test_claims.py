@@ -132,15 +132,12 @@ def recording(tmp_path_factory):
 
 def test_a_file_that_is_no_claim_is_refused_in_one_true_line(recording, tmp_path):
     (tmp_path / "notes.txt").write_text("a note")
-    kinds = {
-        tmp_path / "notes.txt": "got another file, or a damaged one",
-        tmp_path / "none.npz": "got no such file",
-    }
-    for path, got in kinds.items():
-        _, line = flighttune("verify", path, status=2)
-        assert "must be a claim (certificate, bound on R_K, tube, band or monitor)" in line
-        assert got in line
-        assert line.count("\n") == 1
+    _, line = flighttune("verify", tmp_path / "notes.txt", status=2)
+    assert "must be a claim (certificate, bound on R_K, tube, band or monitor)" in line
+    assert "got another file, or a damaged one" in line
+    assert line.count("\n") == 1
+    _, line = flighttune("verify", tmp_path / "none.npz", status=2)
+    assert line == f"flighttune: {tmp_path / 'none.npz'}: there is no such file.\n"
     _, line = flighttune("report", recording.recording, "--claim", recording.recording, status=2)
     assert "must be a claim about flights" in line
     assert "got a recording, which `flighttune view`" in line

@@ -55,10 +55,13 @@ ft.mission(plan, out=f"{{folder}}/m.npz", rates="rates.toml", observer=Killed(),
 
 
 class Seen(ft.CampaignObserver):
-    """Keeps what is said."""
+    """Keeps what is said, and the stages."""
 
     def __init__(self):
-        self.said = []
+        self.said, self.stages = [], {}
+
+    def see(self, progress):
+        self.stages[progress.stage] = progress.doing
 
     def hear(self, sentence):
         self.said.append(sentence)
@@ -105,7 +108,6 @@ def place(tmp_path_factory):
     ("doing", "flown", "kept"),
     [
         ("counting healthy flight", 9, 9),
-        ("counting engine", 14, 12),
         ("counting link lost, turn back after 0.5 s: their ends", 23, 18),
     ],
 )
@@ -124,6 +126,7 @@ def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(
 
     file = tmp_path / "m-per-hour-unfinished.json"
     assert seen.said[-1] == f"{file}: {kept} flights are counted already."
+    assert [*seen.stages] == ["stage 1 of 2, ", "stage 2 of 2, "]
     names = {"m.npz", "m-per-hour.json"}
     assert {x.name for x in tmp_path.glob("[!.]*")} == names
     for name in names:

@@ -253,7 +253,7 @@ def test_two_signals_may_have_one_field_of_a_message(clean, tmp_path):
 
 
 @pytest.mark.soak
-def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
+def test_a_log_is_cut_into_flight_modes_and_says_what_its_sensors_show(clean, tmp_path):
     t, signals = until(44.02, *clean)
     in_auto = ((t >= 12.0) & (t < 24.0)) | ((t >= 36.0) & (t < 40.0))
     events = {
@@ -277,13 +277,16 @@ def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
         f"FBWA for {t[-1] - 16.0:.1f} s: 0.0 to 12.0, 24.0 to 36.0, 40.0 to {end} s",
         "AUTO for 16.0 s: 12.0 to 24.0, 36.0 to 40.0 s",
     ]
-    assert re.search(r"clipped 1[12] times, first at 33\.0 s", log["odd"][0])
-    assert "up to 40 m/s2, where up to 30 is acceptable" in log["odd"][1]
-    assert re.search(r"for (3\.9|4\.0) s, first at 28\.0 s", log["odd"][2])
+    assert re.search(r"clipped 1[12] times, first at 33\.0 s", log["sensors"][0])
+    assert "up to 40 m/s², where up to 30 is acceptable" in log["sensors"][1]
+    assert re.search(r"for (3\.9|4\.0) s, first at 28\.0 s", log["sensors"][2])
     assert part.duration == pytest.approx(28.0, abs=0.1)
     assert part.signals["phi"][:12.0].notna().all()
     assert part.signals["phi"][12.1:23.9].isna().all()
     assert part.signals["phi"].iloc[100] == pytest.approx(whole.signals["phi"].iloc[400])
+    page = ft.report(path, tmp_path / "page.html").path.read_text()
+    rows = re.findall(r"<t[dh][^>]*>(flight modes|sensors)</t[dh]>", page)
+    assert rows == ["flight modes", "sensors"]
     with pytest.raises(ft.InputError, match=r"FBWA, AUTO, got 'LAND'"):
         ft.load(f"{path}@LAND")
 
@@ -299,11 +302,11 @@ def test_clips_and_vibration_are_those_of_all_three_axes(axes):
         f"vibe_{first}": (t, 8.0 + 0.0 * t),
     }
 
-    _, odd = phases("flight.bin", stream, {}, {})
+    _, said = phases("flight.bin", stream, {}, {})
 
-    assert odd == [
+    assert said == [
         "The accelerometers clipped 6 times, first at 5.0 s.",
-        "The accelerometers vibrate by up to 35 m/s2, where up to 30 is acceptable.",
+        "The accelerometers vibrate by up to 35 m/s², where up to 30 is acceptable.",
     ]
 
 

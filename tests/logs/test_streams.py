@@ -74,10 +74,10 @@ def test_modes_and_states_last_until_the_last_attitude_from_the_first_one():
         "armed": (np.array([90.0, 110.0, 140.0]), np.array([0.0, 1.0, 0.0])),
     }
 
-    listed, odd = streams.phases("a log", raw, {"2": "AUTO"}, {"armed": [1.0, 1.0]})
+    listed, said = streams.phases("a log", raw, {"2": "AUTO"}, {"armed": [1.0, 1.0]})
 
     assert listed == [("armed", 10.0, 40.0), ("AUTO", 0.0, 30.0), ("mode 3", 30.0, 60.0)]
-    assert odd == []
+    assert said == []
     assert raw == {"phi": attitude}
 
 

@@ -193,7 +193,9 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
 def file_bytes(path: Path, kind: str, first: int | None = None) -> bytes:
     """All bytes, or the `first` bytes, of a file that is not empty; else a RecordingError."""
     if not path.is_file():
-        got = "a folder" if path.is_dir() else "no such file"
+        if not path.exists():
+            raise RecordingError(f"{path}: there is no such file.")
+        got = "a folder" if path.is_dir() else "no file"
         raise RecordingError(f"{path}: must be a {kind}, got {got}.")
     with whole.allowed(path, "readable"), path.open("rb") as file:
         data = file.read(MAX_BYTES + 1 if first is None else first)

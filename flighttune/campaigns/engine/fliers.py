@@ -1,6 +1,6 @@
 """Workers that fly the runs of a plan, and their observer, as one value made by each verb."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypedDict
 
 from flighttune.base.errors import InputError
@@ -26,6 +26,7 @@ class Fliers:
     workers: int | None = None
     scheduler: str | None = None
     observer: CampaignObserver | None = None
+    stage: str = ""  # which of several counts of one command they fly
 
     def __post_init__(self) -> None:
         # imported here: help pages need only the keywords, and must not wait for NumPy
@@ -43,3 +44,7 @@ class Fliers:
             )
         if self.scheduler is not None:
             check_scheduler(self.scheduler)
+
+    def at_stage(self, number: int, of: int) -> "Fliers":
+        """These, for one of several counts, from 1; a single count is no stage."""
+        return replace(self, stage=f"stage {number} of {of}, " if of > 1 else "")

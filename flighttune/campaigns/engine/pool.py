@@ -64,7 +64,7 @@ class WorkerPool:
         self._count, self._scheduler = fliers.workers or cores(), fliers.scheduler
         self._workers: Threads | ClusterWorkers | None = None
         self.observer = fliers.observer or CampaignObserver()
-        self.progress = CampaignProgress()
+        self.progress = CampaignProgress(stage=fliers.stage)
 
     def __enter__(self) -> "WorkerPool":
         if self._at_once and self._scheduler is not None:

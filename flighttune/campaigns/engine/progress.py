@@ -15,6 +15,7 @@ class CampaignProgress:
     """Progress of a campaign or a search, updated by its pool."""
 
     doing: str = "starting"  # flying, keeping signals, ...
+    stage: str = ""  # words before `doing`, if a command counts several times
     runs: int = 0  # requested runs
     statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
     succeeded: int = 0  # of the runs that are there
@@ -84,7 +85,7 @@ class CampaignProgress:
         # a search, or a campaign that flies until it is sure, may end earlier
         most = "at most " if self.planned or self.doing == "searching" else ""
         done, runs = self.part
-        parts = [f"{self.doing}: {done} of {most}{runs} runs"]
+        parts = [f"{self.stage}{self.doing}: {done} of {most}{runs} runs"]
         if self.rate_per_s:
             parts.append(f"{rate(self.rate_per_s)} a second")
         if self.left_s is not None and (self.budget or self.doing == "flying"):

@@ -49,6 +49,15 @@ STRONG, _ = (colour for colour, _ in HUES[0])
 # Signals of logs, at the top and below.
 ABOVE, BELOW = "chi gamma", "phi phi_cmd n_z n_z_cmd V_a V_g"
 
+# Rows of the table on a log.
+LOG_FACTS = {
+    "phases": "flight modes",
+    "sensors": "sensors",
+    "checks": "units and signs",
+    "missing": "missing signals",
+    "gaps": "gaps",
+}
+
 # Maximum number of gain sets with a chart of their gap; the table has all.
 MAX_GAPS = 3
 
@@ -71,10 +80,12 @@ def write_log_page(
     """
     (run,), styles = source.runs, run_styles(source.runs)
     log = run.provenance.log or {}
-    stated = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
+    stated = {key: log.get(key, ()) for key in LOG_FACTS}
     part = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
     facts = {"log": f"{log['file']} ({log['kind']})", "part": part}
-    facts |= {key: " ".join(map(sentence, lines)) for key, lines in stated.items() if lines}
+    facts |= {
+        LOG_FACTS[key]: " ".join(map(sentence, lines)) for key, lines in stated.items() if lines
+    }
     summary, alarms, scores, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
     unclaimed = list[str]()
     for monitor in monitors:
@@ -105,10 +116,7 @@ def write_log_page(
         provenance=facts_table("Versions", run.provenance.versions),
         commands=f"flighttune report {source.name}",
     )
-    notes = [
-        *summary,
-        *(line for key in ("phases", "odd", "checks", "missing", "gaps") for line in stated[key]),
-    ]
+    notes = [*summary, *(line for lines in stated.values() for line in lines)]
     values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
     shown = Answer(values=values, notes=notes, failure=failure or next(iter(unclaimed), ""))
     status = 1 if failure or not unclaimed else COULD_NOT_SAY

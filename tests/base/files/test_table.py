@@ -95,7 +95,7 @@ def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
     ("read", "error", "words"),
     [
         (ft.load_gains, ft.InputError, "at most 16000000 bytes"),
-        (ft.load, ft.RecordingError, "got no such file"),
+        (ft.load, ft.RecordingError, "got no file"),
     ],
 )
 def test_a_file_without_an_end_is_not_read_to_its_end(read, error, words):

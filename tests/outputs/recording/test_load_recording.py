@@ -133,7 +133,7 @@ def of_another_program(path):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("none.rrd", "got no such file"),
+        ("none.rrd", "there is no such file"),
         (".", "must hold Parquet files"),
         ("other.rrd", r"other\.rrd: .*Parquet files"),
     ],
