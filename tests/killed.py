@@ -118,7 +118,13 @@ def each_end(folder, before, arguments, numbers=("SIGKILL",), every=1):
 
 
 if __name__ == "__main__":
-    import flighttune.cli  # noqa: F401 - once, for all copies
+    # once, for all copies
+    import scipy.optimize
+
+    import flighttune.cli
+    import flighttune.flight.fly
+    import flighttune.outputs.pages.adoption
+    import flighttune.outputs.recording.record  # noqa: F401
 
     place, old, names, step, *words = sys.argv[1:]
     signals = [signal.Signals[name] for name in names.split(",")]

@@ -389,11 +389,10 @@ def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
     t, signals = sampled(run, noise=False, dropouts=False, late=False)
     beside = {"cross_track": 0.0 * t + 50.0, "height_err": 0.0 * t}
     write_dataflash(log, t, signals | beside)
-    options = ["--with", slow, "--flights", 16, "--budget", 200, "--out", out, "--workers", 1]
+    options = ["--with", slow, "--flights", 16, "--budget", 150, "--out", out, "--workers", 1]
     options += ["--log", log, "--navigation", "exact"]
-    route = [
-        f"--set=route.waypoint={[dict(x) for x in SHORT['route.waypoint']]}".replace("':", "'=")
-    ]
+    legs = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (300.0, 0.0), (420.0, 180.0))]
+    route = [f"--set=route.waypoint={legs}".replace("':", "'=")]
     said = flighttune("meet", "circuit_in_wind", *options, *route, status=0)[0]
     now, then = (flown_now(x).law.parameters for x in (slow, out))
     assert then["NPFG_PERIOD"] < now["NPFG_PERIOD"]
@@ -486,7 +485,7 @@ class Killed(ft.CampaignObserver):
     def hear(self, sentence):
         print(sentence)
 found = ft.meet(
-    "circuit_in_wind", autopilot=sys.argv[1], flights=2, budget=30, kept=sys.argv[3] or None,
+    "circuit_in_wind", autopilot=sys.argv[1], flights=2, budget=20, kept=sys.argv[3] or None,
     workers=int(sys.argv[4]), observer=Killed(), changes=CHANGES,
 )
 print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), found.flights)
@@ -496,7 +495,8 @@ print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), fo
 @pytest.mark.soak
 def test_a_killed_search_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     kept = tmp_path / "runs" / "kept.jsonl"
-    text = SEARCH.replace("CHANGES", repr(SHORT | {"gains": ["paper"]}))
+    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
+    text = SEARCH.replace("CHANGES", repr({"route.waypoint": legs, "gains": ["paper"]}))
 
     def search(most, place, workers):
         words = [file, str(most), str(place), str(workers)]

@@ -13,21 +13,23 @@ import flighttune as ft
 from flighttune.base.files.table import tables_of, value_of
 from flighttune.control.certificates.make import certify_model
 from flighttune.control.linear_model import closed_loop
-from flighttune.flight.gains import chosen_entry
-from flighttune.flight.models import linear_model
 
 TAKEN_FOR_WHOLE = 1e-3  # relative: a flight of 40 s with an input held for 2 ms
 DT, SAMPLES = 0.002, 20_000
+
+
+@pytest.fixture(scope="module")
+def of_mission():
+    """The gains that are fed back, on the identified aircraft, for the errors of a receiver."""
+    changes = {"tuning.model": "identified"}
+    return ft.certify("mission", "exact:tuned_fed_back", navigation="standard", changes=changes)
 
 
 @pytest.fixture(scope="module", params=["paper", *slow("identified")])
 def certified(request):
     if request.param == "paper":
         return certify_model(MODEL, ft.PAPER_GAINS, estimates=True).certificate
-    changes = {"tuning.model": "identified"}
-    entry = chosen_entry("mission", "exact:tuned_fed_back", changes)
-    model = linear_model(entry.scenario, entry.law)
-    return certify_model(model, entry.found_gains, estimates=True).certificate
+    return request.getfixturevalue("of_mission").certificate
 
 
 def responses(certificate):
@@ -80,18 +82,13 @@ def test_gains_of_a_certificate_are_of_the_number_of_its_errors(certified):
 
 
 @pytest.mark.slow
-def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate():
+def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate(of_mission):
     """0.0657 m/s across at 25 m/s is 0.15 deg, by the covariance recursion of the navigation."""
-    changes = {"tuning.model": "identified"}
-    certified = ft.certify(
-        "mission", "exact:tuned_fed_back", navigation="standard", changes=changes
-    )
-
-    chi, _ = certified.answer().values["certificate"]["estimates"]
+    chi, _ = of_mission.answer().values["certificate"]["estimates"]
 
     assert np.rad2deg(chi["estimate_rad"]) == pytest.approx(3.0 * 0.1506, rel=0.01)
     assert chi["error_rad"] == pytest.approx(1.23 * chi["estimate_rad"], rel=0.002)
-    assert "an error of chi of at most 1.231 n" in certified.certificate.sentence
+    assert "an error of chi of at most 1.231 n" in of_mission.certificate.sentence
 
 
 @pytest.mark.parametrize(

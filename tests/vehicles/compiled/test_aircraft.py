@@ -174,7 +174,7 @@ SHORT = ("Camel", "Boeing314", "X15", "t6texan2", "T38", "c310", "Short_S23")
 @pytest.mark.parametrize(
     "model",
     [
-        *marked(SHORT, pytest.mark.soak, but=("T38", "X15")),
+        *marked(SHORT, pytest.mark.soak, but=("T38",)),
         *(
             pytest.param(model, marks=pytest.mark.counts)
             for model in (*COMPILED, *REFUSED)

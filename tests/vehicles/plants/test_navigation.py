@@ -33,9 +33,9 @@ def standard(**numbers):
 
 
 def pairs(n):
-    """Errors of position, velocity and tilt along both axes in n flights."""
-    (level, _), rng = axes(standard(), DT), np.random.default_rng(1)
-    return [[level.drawn(1, rng)[0, :, 0] for _ in range(2)] for _ in range(n)]
+    """Errors of position, velocity and tilt along both axes in n flights, shape (n, 2, 3)."""
+    level, _ = axes(standard(), DT)
+    return level.drawn(1, *np.random.default_rng(1).spawn(2 * n))[:, :, 0].reshape(n, 2, -1)
 
 
 def covariances(A, assumed, assumed_of_fix, driven, noise, slow, seconds):
@@ -94,7 +94,7 @@ def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
     position, velocity, tilt = np.sqrt(late)
 
     assert (position, velocity, tilt / DEG) == pytest.approx((1.527, 0.0657, 0.133), rel=0.005)
-    sd = np.std([pair[0] for pair in pairs(2000)], axis=0)
+    sd = np.std(pairs(2000)[:, 0], axis=0)
     five_sigma = 5.0 / math.sqrt(2.0 * 2000)
     assert sd == pytest.approx((position, velocity, tilt), rel=five_sigma)
 
@@ -124,7 +124,7 @@ def test_the_deviation_of_climb_is_that_of_the_covariance_recursion():
 @pytest.mark.slow
 def test_half_of_the_fixes_are_within_the_circular_error_probable():
     """CEP is 1.1774 deviations: the median of a Rayleigh distribution."""
-    places = np.array(pairs(2000))[:, :, 0]
+    places = pairs(2000)[:, :, 0]
 
     cep = np.median(np.hypot(*places.T)) / np.std(places)
 
