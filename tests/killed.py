@@ -119,7 +119,7 @@ def each_end(folder, before, arguments, numbers=("SIGKILL",), every=1):
 
 if __name__ == "__main__":
     # once, for all copies
-    import scipy.optimize
+    import scipy.optimize  # noqa: F401
 
     import flighttune.cli
     import flighttune.flight.fly
