@@ -114,19 +114,27 @@ class Beside(Answering):
 def accuracy_of(rows: pd.DataFrame, n: int, ours: str) -> list[dict[str, Any]]:
     """Bounds on errors of a new flight by gain set, and number of n draws in which `ours` wins."""
     answer = []
-    place = max(allowed_outside(n, EPSILON, CONFIDENCE), 0)
     for measure, (words, unit, factor) in MEASURED.items():
         if rows[measure].isna().all():
             continue
         row: dict[str, Any] = {"of": words}
         for name, of_law in rows.groupby("gains"):
-            row[str(name)] = float(np.sort(scores(of_law, measure))[-1 - place]) * factor
+            row[str(name)] = float(kept_error(scores(of_law, measure))) * factor
         (pair,) = paired(rows, measure)
         better = pair["wins_a" if pair["a"] == ours else "wins_b"]
         lo, hi = rate_interval(better, n, CONFIDENCE, method="clopper-pearson")
         row |= {"unit": unit, "better": better, "share": better / n}
         answer.append(row | {"lo": float(lo), "hi": float(hi), "flights": n})
     return answer
+
+
+def kept_error(errors: FloatArray) -> FloatArray:
+    """Bound on an error of a new flight by n flights, or the largest if they are too few.
+
+    `errors` have the shape (n, ...).
+    """
+    place = max(allowed_outside(len(errors), EPSILON, CONFIDENCE), 0)
+    return np.asarray(np.sort(errors, axis=0)[-1 - place])
 
 
 def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:

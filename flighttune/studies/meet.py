@@ -636,6 +636,8 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
         _absent(of_gains | {"until_sure": until_sure}, "with the parameters of an autopilot")
         flown, lags = aircraft_of(aircraft, columns, assume)
         stated = flights_of_source(scenario, aircraft=flown, like=like, changes=changes)
+        if stated.mission and like is None:  # nobody stated those of the default campaign
+            stated = stated.with_own_requirements()
         counts = Counts(budget or BUDGET, flights, log, columns, file)
         found = retune(stated.knowing(navigation), Path(autopilot), version, counts, fliers)
         return replace(found, notes=(*lags, *found.notes))

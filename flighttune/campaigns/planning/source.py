@@ -298,6 +298,14 @@ class Flights:
         spread = spread_of(forecast, origin, (float(up.min()), float(up.max())))
         return replace(self, campaign=in_spread(campaign, spread, self.place))
 
+    def with_own_requirements(self) -> "Flights":
+        """Flights of a mission without the requirements of the campaign that gives its draws."""
+        assert self.campaign is not None  # of a mission
+        own = {"expect": self.scenario.expect}
+        nominal = self.campaign.nominal.model_copy(update=own)
+        table = self.campaign.model_copy(update={"success": []})
+        return replace(self, campaign=campaign_on(table, nominal, self.place))
+
     def _check_scenario(self, name: str, value: float) -> None:
         if value and self.campaign is not None:
             raise InputError(

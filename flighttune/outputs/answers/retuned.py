@@ -1,11 +1,21 @@
 """The answer of a search for an autopilot's parameters."""
 
+from collections.abc import Sequence
+
 from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
-from flighttune.studies.retune import DRAWS, FINAL_DRAWS, TUNED, WEIGHTS, Candidate, Retuned
+from flighttune.studies.retune import (
+    DRAWS,
+    FINAL_DRAWS,
+    TUNED,
+    WEIGHTS,
+    Candidate,
+    Constraint,
+    Retuned,
+)
 
 CHANGES = columns("name old new range why", of="retuned")
 ACCURACY = columns("of yours tuned unit better flights share", of="retuned_errors")
@@ -41,7 +51,7 @@ def answer(retuned: Retuned) -> Answer:
             "guidance": retuned.now.name,
             "better": retuned.better,
             "against": [*retuned.against],
-            "held_by": [*retuned.held_by],
+            "held_by": [*map(str, retuned.held_by)],
             "changes": rows,
             "accuracy": accuracy,
             "lost": {YOURS: retuned.start.lost, TUNED: retuned.best.lost},
@@ -84,13 +94,23 @@ def sentence(retuned: Retuned) -> str:
     counted = f"Lost {lost} of {n} fresh draws, yours | tuned"
     after = f"after {retuned.flights} flights of {retuned.candidates} candidates"
     if retuned.against:
-        refused = f" What costs less is refused by {listed(retuned.held_by)}."
+        refused = f" What costs less is refused by {constraints(retuned.held_by)}."
         refused *= bool(retuned.held_by and not retuned.changes)
         return f"{counted}. Nothing is written, {after}: {listed(retuned.against)}.{refused}"
-    held = listed(retuned.held_by) or "no bound"
+    held = constraints(retuned.held_by) or "no bound"
     larger = f" These errors in the table below are larger with them: {listed(retuned.larger)}."
     larger *= bool(retuned.larger)
-    return f"{counted}. The tuned parameters are better, {after}; they are held by {held}.{larger}"
+    return f"{counted}. The tuned parameters are better, {after}. They are held by {held}.{larger}"
+
+
+def constraints(held: Sequence[Constraint]) -> str:
+    """Constraints in words, those of a kind together."""
+    kinds: dict[str, list[str]] = {}
+    for kind, of in held:
+        kinds.setdefault(kind, []).append(of)
+    return "; ".join(
+        f"the {kind}{'s' * (len(of) > 1)} of {listed(of)}" for kind, of in kinds.items()
+    )
 
 
 def aircraft(retuned: Retuned) -> str:
@@ -119,19 +139,16 @@ def told(retuned: Retuned) -> str:
 
 
 def errors(retuned: Retuned) -> str:
-    """Mean errors of both, and their cost."""
-    *parts, largest = [
+    """Mean errors of both with their cost."""
+    parts = [
         f"{name} {old:.3g} | {new:.3g} {unit}"
         for (name, (_, unit)), old, new in zip(
-            WEIGHTS.items(), retuned.start.errors, retuned.best.errors, strict=True
+            WEIGHTS.items(), retuned.start.errors, retuned.best.errors, strict=False
         )
     ]
     weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items() if w)
     both = f"{retuned.start.cost:.3g} | {retuned.best.cost:.3g}"
-    return (
-        f"Root mean squares: {', '.join(parts)}; {largest} in the mean; cost {both}, which is "
-        f"{weights}."
-    )
+    return f"Root mean squares: {', '.join(parts)}; cost {both}, which is {weights}."
 
 
 def margins(retuned: Retuned) -> str:
