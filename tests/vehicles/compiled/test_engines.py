@@ -77,6 +77,12 @@ LEVER = """<fcs_function name="test/lever-{0}"><function><sum><value>0.5</value>
     <output>fcs/throttle-pos-norm[{0}]</output></fcs_function>"""
 TANK = f'<tank type="FUEL">{PLACE}<capacity>1</capacity><contents>0.1</contents></tank>'
 
+# The aerodynamic reference point moves with the angle of attack; a part of the lift acts at the CG.
+SHIFT = """<function name="aero_ref_pt_shift_x"><product><value>0.05</value>
+    <property>aero/alpha-rad</property></product></function>"""
+AT_CG = """<function name="test/at-cg" apply_at_cg="true"><product><value>0.02</value>
+    <property>aero/qbar-area</property></product></function>"""
+
 TWO_SPEEDS = """<numboostspeeds>2</numboostspeeds><takeoffboost unit="PSI">3</takeoffboost>
     <ratedboost1 unit="PSI">2</ratedboost1><ratedpower1>150</ratedpower1><ratedrpm1>2700</ratedrpm1>
     <ratedboost2 unit="PSI">2</ratedboost2><ratedpower2>150</ratedpower2><ratedrpm2>2700</ratedrpm2>
@@ -111,6 +117,8 @@ def test_turboprops_jets_with_afterburners_and_governed_propellers_are_those_of_
     replaced(
         folder / "aerosonde.xml",
         ("</propulsion>", f"{more}{TANK}</propulsion>"),
+        ("</aerodynamics>", f"<aero_ref_pt_shift_x>{SHIFT}</aero_ref_pt_shift_x></aerodynamics>"),
+        ('<axis name="LIFT">', f'<axis name="LIFT">{AT_CG}'),
         (
             "<aerodynamics>",
             f'<system name="levers"><channel name="levers">{levers}</channel></system>'

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_in
+from flighttune.vehicles.compiled.engines import _braking
 from flighttune.vehicles.compiled.pistons import _Air, _boosted, power_of
 from flighttune.vehicles.compiled.properties import Properties
 from flighttune.vehicles.compiled.tables import Table1, Table2, Table3
@@ -188,3 +189,18 @@ def test_a_table_of_one_row_or_column_or_point_has_no_slope_along_it(x):
     assert Table2((2.0,), (0.0, 4.0), (1.0, 9.0)).at(-5.0, x) == line
     assert Table2((0.0, 4.0), (2.0,), (1.0, 9.0)).at(x, -5.0) == line
     assert Table3((2.0,), (Table2((0.0, 4.0), (2.0,), (1.0, 9.0)),)).at(x, 0.0, 5.0) == line
+
+
+@pytest.mark.parametrize(
+    ("pusher", "rpm", "power", "taken"),
+    [
+        *(("propeller", 900.0, -50.0, -50.0), ("propeller", 0.05, -50.0, 0.0)),
+        *(("propeller", 900.0, 50.0, 50.0), ("propeller", 0.05, 50.0, 50.0)),
+        *(("direct", 900.0, -50.0, 0.0), ("direct", 0.0, 50.0, 50.0)),
+    ],
+)
+def test_an_engine_brakes_a_propeller_that_turns_and_nothing_else(pusher, rpm, power, taken):
+    """FGPiston.cpp: below 0.1 1/min of the crankshaft, power is at least 0."""
+    now = state_of({"propulsion/engine[0]/propeller-rpm": rpm})
+
+    assert _braking(now, engine_of("<piston_engine/>", f"<{pusher}/>"), power) == taken
