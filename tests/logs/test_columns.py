@@ -11,7 +11,7 @@ from scipy import constants
 
 import flighttune as ft
 from flighttune.logs import checks, relations
-from flighttune.logs.relations import STEEP, Motion, _body_rate
+from flighttune.logs.relations import STEEP, Motion, _body_rate, _lift
 
 FEW = ("p sign", "n_z without gravity", "V_a in kn", "V_err sign")
 MORE = (
@@ -252,3 +252,14 @@ def test_columns_of_motion_are_alike_at_their_time_and_commands_at_their_delay(
 
     assert (abs(moved - right) < UNLIKE) == as_alike
     assert moved < right + UNLIKE
+
+
+@pytest.mark.parametrize(("theta", "load"), [({}, 2.0), ({"theta": 30.0}, 4.0 / 3.0**0.5)])
+def test_without_a_velocity_the_load_factor_is_that_which_carries_the_weight(theta, load):
+    """At 60 deg of roll the lift is twice the weight, and more where its axis is pitched."""
+    angles = {"phi": 60.0, **theta}
+    given = {name: np.full(50, np.radians(angle)) for name, angle in angles.items()}
+
+    lift = _lift(Motion({**given, "V_a": np.full(50, 25.0)}, 0.1))
+
+    assert lift == pytest.approx(np.full(50, load))

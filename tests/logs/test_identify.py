@@ -19,6 +19,7 @@ SAMPLE = 0.04
 """s: of the logs."""
 LAG = 0.03
 """Relative error allowed of the lag without its delay, with noise, dropouts and late stamps."""
+CORRELATION = 0.02  # of 40,000 samples, four times its error
 JACKKNIFE = 0.5
 """Relative error of a width that is estimated from 24 stretches."""
 
@@ -38,6 +39,24 @@ def identification(log):
 def model(log, identification):
     identification.identified.save(log.with_name("mine.json"))
     return log.with_name("mine.json")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6])
+def test_what_turbulence_leaves_after_a_tenth_of_a_second_is_its_correlation(monkeypatch, share):
+    count, dt = 40_000, 0.05
+    white = np.random.default_rng(5).standard_normal(count)
+    measured = lfilter([1.0], [1.0, -math.sqrt(share)], white)  # half of the time in each sample
+    measured[0] = 0.0
+    t = dt * np.arange(count)
+    section = identify.Section(0, t, dt, np.zeros(count), measured, np.floor(t / 5.0))
+    lag = ft.loop.InnerLag(order=1, natural_frequency=4.0)
+    monkeypatch.setattr(fit, "best_lag", lambda *_: (lag,))  # the fit itself takes ten seconds
+
+    excited = identify._Excited([section])
+
+    assert excited._carried == pytest.approx(share, abs=CORRELATION)
+    left = np.std(excited.fresh(lag)) / np.std(measured)
+    assert left == pytest.approx(math.sqrt(1.0 - share**2), abs=CORRELATION)
 
 
 @pytest.mark.soak

@@ -1,5 +1,7 @@
 """Streams of a log at their own rates become attitudes, commands and samples at one rate."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -35,6 +37,25 @@ def test_angles_of_a_quaternion_are_those_of_its_rotation(name, ending, parts):
         times, found = raw[f"{key}{ending}"]
         assert (times == t).all()
         assert np.abs(np.exp(1j * found) - np.exp(1j * expected)).max() < NEXT_TO_ZERO
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_signs_of_w_are_those_that_cost_least_of_all(seed):
+    """Noses off the course, and turns between samples: of 2^3 ways, those of a search of all."""
+    rng, n = np.random.default_rng(seed), 3
+    parts = rng.standard_normal((n, 4))
+    w, *vector = (parts / np.linalg.norm(parts, axis=1, keepdims=True)).T
+    vector, course = np.column_stack(vector), rng.uniform(-np.pi, np.pi, n)
+
+    def cost(signs):
+        q = Rotation.from_quat(np.column_stack([vector, signs * w]))
+        off = 1.0 - np.cos(q.as_euler("ZYX")[:, 0] - course)
+        inner = np.sum(q.as_quat(canonical=False)[1:] * q.as_quat(canonical=False)[:-1], axis=1)
+        return np.sum(off) + streams.SMOOTH * np.sum(1.0 - np.abs(inner))
+
+    found = streams._signs(w, vector, course)
+
+    assert cost(found) == pytest.approx(min(cost(np.array(x)) for x in product((1, -1), repeat=n)))
 
 
 def test_a_command_is_the_last_measured_value_plus_its_error():
