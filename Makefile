@@ -37,14 +37,18 @@ check: $(STAMP)
 	$(PYTEST) -m "not (slow or soak or counts)"; tests=$$?; \
 	wait $$types; status=$$?; cat $(VENV)/pyright.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
-# A kinematic campaign, so that its kernel is compiled once and not by each process of the tests.
+# What each process of the tests would compile: the kernel of kinematic campaigns, those of aircraft
+# and navigation, and the bytecode of the tests, of which collecting them writes all.
+SELECTED := "not (soak or counts)"
 COMPILED := $(VENV)/bin/flighttune --workers 1 campaign first_campaign --runs 4 -q --out
 
 # Style and types are checked while the tests run, and what they found is printed after them.
 test: $(STAMP) picture-packages
 	$(MAKE) --no-print-directory lint > $(VENV)/lint.txt 2>&1 & lint=$$!; \
-	rm -rf $(VENV)/compiled; $(COMPILED) $(VENV)/compiled; \
-	$(PYTEST) -m "not (soak or counts)"; tests=$$?; \
+	$(PYTHON) tests/compile_kernels.py & kernels=$$!; \
+	$(PYTHON) -m pytest --collect-only -m $(SELECTED) >/dev/null & bytecode=$$!; \
+	rm -rf $(VENV)/compiled; $(COMPILED) $(VENV)/compiled; wait $$kernels $$bytecode; \
+	$(PYTEST) -m $(SELECTED); tests=$$?; \
 	wait $$lint; status=$$?; cat $(VENV)/lint.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
 # What takes long: whole commands, campaigns, missions, benchmarks, every picture at every size.
