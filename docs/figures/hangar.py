@@ -180,29 +180,25 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     kinds = page[page.index("## With every command") : page.index("## Remarks")]
     return f"""# The hangar: every model of JSBSim's own set
 
-JSBSim comes with {len(answers)} models. By the status that
-`flighttune adopt MODEL` gives them, they are: {
-        ", ".join(f"{len(of[status])} {status}" for status in STATUSES)
-    }.
-[Use an aircraft of your own](aircraft.md) explains the statuses. The page is made by
-`python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
+JSBSim comes with {len(answers)} models. `flighttune adopt MODEL` gives each a
+[status](aircraft.md): {", ".join(f"{len(of[status])} {status}" for status in STATUSES)}.
+The page is made by `python docs/figures/hangar.py` with flighttune {ft.__version__} and JSBSim {
         version("jsbsim")
-    }:
-turns and circuits are flown by the default law.
+    };
+the default law flies all turns and circuits.
 
 ## Adopted
 
 Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its
-glide. One with an engine also flies the [circuit](routes.md#what-it-reaches), scaled to its
-airspeed: the table has its largest distance to the side of the route. In height it is {
-        height:.2g} m at
-most.
+glide. Aircraft with an engine also fly the [circuit](routes.md#what-it-reaches), scaled to their
+airspeed. The table has the largest distance beside the route; the largest in height is {
+        height:.2g} m.
 
 {Table(columns=COLUMNS, records=adopted).markdown()}
 
 The identified models fit roll by {fits[0]:.1f} % or better and load factor by {fits[1]:.1f} % or
 better. Exported turns differ from flown ones by at most {most:.0e}.
-Gains tuned on it have a smaller ITAE than the paper's K*, scaled with airspeed, on
+Gains tuned on them have a smaller ITAE than the paper's K*, scaled with airspeed, on
 {chi} of {len(adopted)} aircraft for course and {gamma} for path angle.
 
 {kinds}## Remarks
