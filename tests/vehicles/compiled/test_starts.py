@@ -126,6 +126,24 @@ def test_so_is_a_filter_of_the_model(tmp_path):
     assert face.evaluated(config) is None
 
 
+@pytest.mark.slow
+def test_delays_and_play_of_a_model_start_without_jsbsim(tmp_path):
+    alpha = "<input>aero/alpha-rad</input>"
+    parts = (
+        f'<sensor name="late">{alpha}<delay>0.02</delay></sensor>',
+        f'<actuator name="play">{alpha}<hysteresis_width>0.1</hysteresis_width></actuator>',
+    )
+
+    def change(text):
+        system = f'<system name="more"><channel name="more">{"".join(parts)}</channel></system>'
+        return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
+
+    config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
+    condition = FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
+
+    assert differing_at_start(config, condition) == []
+
+
 def later_wind(now, to_local, of=trimming._through_air):
     return [x * (1.0 + 2.0**-52) for x in of(now, to_local)]
 
