@@ -18,7 +18,7 @@ from flighttune.vehicles.compiled.properties import named
 from flighttune.vehicles.compiled.rigid_body import INERTIA
 from flighttune.vehicles.compiled.trace import fabs
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
-from flighttune.vehicles.plants.weather import Turbulence, Weather, WindProfile
+from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
 
 SPEED = {"aerosonde": 25.0, "x8": 18.0, "a4": 120.0}
 
@@ -46,8 +46,8 @@ def draws(name, count, seed):
 
 def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
     """Names of states and parameters of a step that are not equal to the bit."""
-    turbulence = weather and weather.turbulence
-    step = face.compiled(config, turbulence=turbulence and turbulence.model)
+    turbulence, gust = (weather.turbulence, weather.gust) if weather else (None, None)
+    step = face.compiled(config, turbulence=turbulence and turbulence.model, gust=gust is not None)
     assert isinstance(step, face.CompiledStep), step.reason
     numbers = []
     for fdm in (None, face.evaluated(config, ground=ground)):
@@ -124,6 +124,14 @@ def test_so_is_a_filter_of_the_model(tmp_path):
 
     assert isinstance(face.compiled(config), face.CompiledStep)
     assert face.evaluated(config) is None
+
+
+@pytest.mark.slow
+def test_a_gust_comes_at_its_time_after_a_start_without_jsbsim():
+    gust = Gust(axis="right", peak=3.0, start=1.3, rise=0.7, hold=0.4)
+    condition = FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
+
+    assert differing_at_start(load_aircraft("aerosonde"), condition, Weather(gust=gust)) == []
 
 
 @pytest.mark.slow
