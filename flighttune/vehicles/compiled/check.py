@@ -140,7 +140,7 @@ def check_start(
         raise Unchecked(f"there is no start to check it at: {error}") from error
     evaluation = replace(evaluation, loaded=loaded)
     written = "ft/", "atmosphere/gust-", "_"
-    constants = (x for x in evaluation.evaluate.names.parameters if not x.startswith(written))
+    constants = (x for x in evaluation.code.names.parameters if not x.startswith(written))
     if taken := set(constants) & set(loaded.moved):
         return loaded, f"`{min(taken)}`, taken for constant, is moved by a start"
     for condition, plant in started:

@@ -36,20 +36,26 @@ def propulsion(now: Properties, engines: tuple[EngineFile, ...]) -> None:
     force: Vector = ZERO
     moment: Vector = ZERO
     for engine in engines:
-        now.engine = str(engine.number)
-        push = _push(now, engine)
-        now[f"{engine.at}/thrust-lbs"] = push.thrust
+        push = run_engine(now, engine)
         along = times(engine.orientation, [push.thrust, 0.0, 0.0])
         lever = cross(body_arm(push.place, now.cg), along)
         force, moment = add(force, along), add(moment, add(push.moment, lever))
     now.forces["prop"], now.moments["prop"] = force, moment
 
 
+def run_engine(now: Properties, engine: EngineFile) -> Push:
+    """One step of an engine and its thruster."""
+    now.engine = str(engine.number)
+    push = _push(now, engine)
+    now[f"{engine.at}/thrust-lbs"] = push.thrust
+    return push
+
+
 def _push(now: Properties, engine: EngineFile) -> Push:
     if engine.kind not in _MOTORS:
         raise Unsupported(f"the engine <{engine.motor.tag}>")
-    if now.trimming and (engine.kind not in _AT_ONCE or engine.pusher.tag == "propeller"):
-        raise Unsupported(f"a <{engine.motor.tag}> in a trim")
+    if now.trimming and engine.kind == "rocket":  # its flow is a quotient by the time that passes
+        raise Unsupported("a rocket in a trim")
     output = _MOTORS[engine.kind](now, engine)
     if engine.kind in _POWER:
         now[f"{engine.at}/power-hp"] = output
@@ -96,9 +102,6 @@ def _rocket(now: Properties, engine: EngineFile) -> Number:
 
 # Kinds of engines whose output is a power, hp; that of the others is a thrust, lbf.
 _POWER = ("electric", "piston", "turboprop")
-
-# Kinds of engines whose output follows the throttle at once in a trim.
-_AT_ONCE = ("electric", "turbine")
 
 _MOTORS: dict[str, Motor] = {
     "electric": _electric,

@@ -4,20 +4,33 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from flighttune.base.errors import PlantError
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import masses, trimming, turbulence
 from flighttune.vehicles.compiled.atmosphere import pressures
 from flighttune.vehicles.compiled.components import channels_of, execution_rate
 from flighttune.vehicles.compiled.model import Source
 from flighttune.vehicles.compiled.properties import Unsupported, canonical
 from flighttune.vehicles.compiled.run import Model
+from flighttune.vehicles.compiled.settling import (
+    AT_REST,
+    ELAPSED,
+    MAX_SEARCH,
+    ROW,
+    SAMPLES,
+    SHARE,
+    THRUST,
+    UNCHANGED,
+    BeforeFlight,
+)
 from flighttune.vehicles.compiled.start import declared, inertia
 from flighttune.vehicles.compiled.step import MachineStep
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 
 # Initial state that a write goes to: its kind and axis
 _WRITES = {
@@ -77,58 +90,49 @@ class LoadedFdm(Fdm):
         return self.loaded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a key of caches
 class Evaluation:
-    """An aircraft that machine code evaluates, whatever the numbers of its flights."""
+    """An aircraft before its flight by machine code, whatever the numbers of its flights."""
 
+    source: Source
     model: Model
-    own_flight_control: bool
     loaded: Loaded
-    evaluate: MachineStep
+    code: BeforeFlight
     write: MachineStep
+    other: Callable[..., Fdm]  # makes an aircraft of another source
     names: dict[str, list[str]] = field(default_factory=dict)  # of properties by their beginning
+
+    def aircraft(
+        self, config: AircraftConfig, *, steps: int, ground: float, files: Unchanged
+    ) -> Fdm:
+        """An aircraft with the numbers of `config`, also one without any of its own."""
+        if (source := Source(config, steps, files)) != self.source:
+            return self.other(config, steps=steps, ground=ground, files=files)
+        return EvaluatedFdm(self, source, ground=ground)
 
 
 class EvaluatedFdm(Fdm):
-    """An aircraft before its first step, whose evaluations are machine code."""
+    """An aircraft before its flight, whose evaluations and settling are machine code."""
 
     def __init__(self, evaluation: Evaluation, source: Source, *, ground: float) -> None:
-        config = source.config
-        self.files, self.config, self.steps, self.ground = (
-            source.files,
-            config,
-            source.steps,
-            ground,
-        )
-        self.engine_settles, self.electric, self.light = 0.0, False, False
-        self.own_flight_control = evaluation.own_flight_control
-        self.rate = config.inner_loop_rate * source.steps
-        self.attitude = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        self.run = self._refuse
-        self._loaded, self._model = evaluation.loaded, str(config.file)
-        self._evaluation, self._numbers = evaluation, source.numbers
-        self._declared = declared(evaluation.model)
+        self._describe(source.config, source.files, source.steps, ground)
+        self.another, self.run = evaluation.aircraft, self._refuse
+        self._evaluation, self._loaded = evaluation, evaluation.loaded
+        self._numbers, self._declared = source.numbers, declared(evaluation.model)
         self._others: dict[str, float] = {}
         self._known = self._of_flight()
-        names = evaluation.evaluate.names
-        self._states = np.array([self._before(name) for name in names.states])
-        self._parameters = np.array([self._after(name) for name in names.parameters])
-        self._shown = np.zeros(len(names.properties))
-        self._states_at, self._parameters_at, self._shown_at = (
-            {name: i for i, name in enumerate(group)}
-            for group in (names.states, names.parameters, names.properties)
+        names = evaluation.code.names
+        self._at = {name: i for i, name in enumerate((*names.parameters, *names.states))}
+        # All numbers of the aircraft, in the order of `_at`; those of the initial state come first.
+        self._row = np.array(
+            [*map(self._after, names.parameters), *map(self._before, names.states)]
         )
-        self._initial = np.array([trimming.AT_REST[name] for name in trimming.STATE])
+        self._initial = self._row[: len(trimming.STATE)]
         self._angles = np.zeros(len(trimming.ANGLES))
         self._pending: list[tuple[float, float, float]] = []
-        first = self._parameters_at[trimming.STATE[0]]
-        self._ic = slice(first, first + len(trimming.STATE))
-        self._places = tuple(x.ctypes.data for x in (self._states, self._parameters, self._shown))
-        engines = range(config.engines.count)
-        thrusts = [f"propulsion/engine[{i}]/thrust-lbs" for i in engines]
-        if engines and config.engines.thrust:
-            thrusts = [config.engines.thrust]
-        self.thrusts = list(map(self.reader, thrusts))
+        self._row_at, self._functions = self._row.ctypes.data, evaluation.code.functions
+        self._read_engines()
+        self._lift_off()
         self.evaluate()
 
     def _of_flight(self) -> dict[str, float]:
@@ -141,11 +145,14 @@ class EvaluatedFdm(Fdm):
             known |= masses.mass_properties(model.root, numbers, values.get)
         else:
             known |= inertia(values.__getitem__)
-        for n in range(len(model.engines)):
+        for engine in model.engines:
+            n = engine.number
             known |= {f"_first{n}": 1.0, f"_n2-norm{n}": 0.0}
+            if engine.kind == "piston":
+                known[f"_throttled{n}"] = self._loaded.before[canonical(f"{engine.at}/map-pa")]
         for n, channel in enumerate(channels_of(model.root)):
             known[f"_frames{n}"] = float(execution_rate(channel))
-        return known | trimming.AT_REST
+        return known | dict.fromkeys((*ROW, *trimming.WRITE), 0.0) | trimming.AT_REST
 
     def _before(self, name: str) -> float:
         """A value before the first evaluation."""
@@ -154,7 +161,7 @@ class EvaluatedFdm(Fdm):
         return self._loaded.before.get(name, self._declared.get(name, 0.0))
 
     def _after(self, name: str) -> float:
-        """A value that no evaluation moves."""
+        """A value that nothing moves before a flight."""
         if name in self._known:
             return self._known[name]
         if name.startswith("_"):
@@ -174,9 +181,35 @@ class EvaluatedFdm(Fdm):
     def evaluate(self) -> None:
         """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces."""
         self._write()
-        self._parameters[self._ic] = self._initial
-        states, parameters, shown = self._places
-        self._evaluation.evaluate.functions[0](states, parameters, 1, None, shown, 2)
+        self._do("evaluate", 1)
+
+    def run_still(self, samples: int, rate: float, still: float = 0.0) -> bool:
+        """Let samples of the inner loop pass, at `rate` (1/s), while the aircraft stays still."""
+        given = {ELAPSED: 1.0 / rate, SHARE: still, SAMPLES: 0.0, AT_REST: 0.0}
+        for name, value in given.items():
+            self._row[self._at[name]] = value
+        self._do("hold", samples)
+        self._row[self._at["simulation/sim-time-sec"]] = 0.0
+        return bool(self._row[self._at[AT_REST]])
+
+    def search_thrust(self) -> None:
+        """Search for a steady thrust of each engine, as JSBSim does."""
+        self._row[self._at[THRUST]] = 0.0
+        for engine in self._evaluation.model.engines:
+            self._row[self._at[UNCHANGED]] = 0.0
+            self._do(f"search{engine.number}", MAX_SEARCH)
+
+    def _do(self, function: str, steps: int) -> None:
+        self._functions[function](self._row_at, None, steps, None, None, 0)
+
+    def start_engines(self) -> None:
+        """Nothing where they run; JSBSim starts those that stand."""
+        if not (self.electric or all(read() for read in self._running)):
+            raise Unsupported("an engine that stands in a trim")
+
+    def start_engine(self, i: int) -> None:
+        """JSBSim starts it."""
+        raise Unsupported(f"engine {i + 1}, which stands in a trim")
 
     def _write(self) -> None:
         """Write to the initial state what was given since the last evaluation."""
@@ -193,12 +226,8 @@ class EvaluatedFdm(Fdm):
     def reader(self, name: str) -> Callable[[], float]:
         """Return a function that reads the property `name`."""
         name = canonical(name)
-        for places, values in (
-            (self._shown_at, self._shown),
-            (self._parameters_at, self._parameters),
-        ):
-            if name in places:
-                return partial(values.item, places[name])
+        if name in self._at:
+            return partial(self._row.item, self._at[name])
         if name in trimming.ANGLES:
             return partial(self._angle, trimming.ANGLES.index(name))
         if name in self._others:
@@ -213,22 +242,17 @@ class EvaluatedFdm(Fdm):
         if name == _HEIGHT:
             return self._write_height
         name = _RATES.get(name, name)
-        places = [
-            (values, at[name])
-            for values, at in (
-                (self._shown, self._shown_at),
-                (self._states, self._states_at),
-                (self._parameters, self._parameters_at),
-            )
-            if name in at
-        ]
-        if places:
-            return partial(_put, places)
+        if name in self._at:
+            return partial(self._put, self._at[name])
         if not name.startswith(_LATER):
             self._constant(name)
             if name not in self._loaded.writable:
                 raise PlantError(f"{self._model}: property `{name}` must be writable.")
         return partial(self._write_other, name)
+
+    def _put(self, place: int, value: float) -> bool:
+        self._row[place] = value
+        return True
 
     def _write_other(self, name: str, value: float) -> bool:
         self._others[name] = value
@@ -239,10 +263,10 @@ class EvaluatedFdm(Fdm):
         return True
 
     def _write_height(self, h: float) -> bool:
-        before = self._parameters[self._parameters_at[trimming.RADIUS]]
-        radius = self._evaluation.model.planet.radius + h
+        at, planet = self._at[trimming.RADIUS], self._evaluation.model.planet.radius
+        before = self._row[at]
         # JSBSim scales the position, which rounds.
-        self._parameters[self._parameters_at[trimming.RADIUS]] = before * (radius / before)
+        self._row[at] = before * ((planet + h) / before)
         return True
 
     def names(self, beginning: str) -> list[str]:
@@ -258,7 +282,8 @@ class EvaluatedFdm(Fdm):
 
     def shows(self, name: str) -> bool:
         """Whether there is a property of that name."""
-        return canonical(name) in self._loaded.after
+        name = canonical(name)  # JSBSim's list leaves out what a model declares
+        return name in self._loaded.after or (name in self._at and not name.startswith("_"))
 
     def value(self, name: str, default: float) -> float:
         """The value of a property; a default where there is none of that name."""
@@ -269,12 +294,8 @@ class EvaluatedFdm(Fdm):
         return {name: self._start_value(name) for name in names}
 
     def _start_value(self, name: str) -> float:
-        if name.startswith(("_first", "_n2-norm", "_frames")):
-            return self._known[name]
-        if name in self._shown_at:
-            return float(self._shown[self._shown_at[name]])
-        if name in self._parameters_at:
-            return float(self._parameters[self._parameters_at[name]])
+        if name in self._at:
+            return float(self._row[self._at[name]])
         if name in self._known or name in self._others or name in self._loaded.after:
             return self._constant(name)
         if name.startswith("_"):
@@ -284,17 +305,5 @@ class EvaluatedFdm(Fdm):
     def _refuse(self) -> NoReturn:
         raise PlantError(f"{self._model}: an aircraft of machine code has no steps here.")
 
-    def settle_engine(self) -> None:
-        """Nothing: its engines settle at once."""
-
-    def start_engines(self) -> None:
-        """Nothing: they run."""
-
     def abandon(self) -> None:
         """Nothing: there is no instance of JSBSim."""
-
-
-def _put(places: Sequence[tuple[Any, int]], value: float) -> bool:
-    for values, i in places:
-        values[i] = value
-    return True

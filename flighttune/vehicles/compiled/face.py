@@ -18,10 +18,11 @@ from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight,
 from flighttune.vehicles.compiled.evaluated import EvaluatedFdm, Evaluation, Loaded, LoadedFdm
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported as Unsupported
+from flighttune.vehicles.compiled.settling import BeforeFlight, before_flight
 from flighttune.vehicles.compiled.signals import shown_signals
 from flighttune.vehicles.compiled.step import MachineStep, Names, traced
-from flighttune.vehicles.compiled.trimming import evaluation, writing
-from flighttune.vehicles.plants.jsbsim import model_files
+from flighttune.vehicles.compiled.trimming import writing
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm, thrusts_of
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
@@ -73,8 +74,7 @@ def evaluated(
 
     The first use compiles its evaluations and starts it beside JSBSim; the result is cached.
     """
-    # An engine that settles does so in steps of JSBSim.
-    if config.engines.settle or isinstance(compiled(config, files=files), Refusal):
+    if isinstance(compiled(config, files=files), Refusal):
         return None
     source = Source(config, 1, files)
     if len(reasons := _unchecked(source, ground)) >= MAX_UNCHECKED:
@@ -139,16 +139,15 @@ def _evaluation(source: Source, ground: float) -> Evaluation | None:
     """How an aircraft is evaluated; None if a start differs from JSBSim's."""
     if not isinstance(step := compiled(source.config, files=source.files), CompiledStep):
         return None
-    model = source.model(Air())
-    write = _writing()
+    model, write = source.model(Air()), _writing()
+    engines = len(model.engines)
 
     def made() -> Kept:
-        names, text = evaluation(model)
+        names, text = before_flight(model, thrusts_of(source.config))
         code = machine.object_code(text)
         fdm = LoadedFdm(source.config, ground=ground, files=source.files)
-        found = Evaluation(
-            model, fdm.own_flight_control, fdm.known, MachineStep(names, code), write
-        )
+        before_it = BeforeFlight(names, code, engines)
+        found = Evaluation(source, model, fdm.known, before_it, write, _evaluated_or_loaded)
         loaded, difference = check_start(step, found, source, ground)
         verdict = {"difference": difference, "loaded": asdict(loaded)}
         return Kept(names=names, code=code, verdict=verdict)
@@ -157,8 +156,15 @@ def _evaluation(source: Source, ground: float) -> Evaluation | None:
     if kept.verdict["difference"]:
         return None
     loaded = Loaded(**kept.verdict["loaded"])
-    flight_control = model_files.has_flight_control(source.files)
-    return Evaluation(model, flight_control, loaded, MachineStep(kept.names, kept.code), write)
+    code = BeforeFlight(kept.names, kept.code, engines)
+    return Evaluation(source, model, loaded, code, write, _evaluated_or_loaded)
+
+
+def _evaluated_or_loaded(
+    config: AircraftConfig, *, steps: int, ground: float, files: Unchanged
+) -> Fdm:
+    by_code = evaluated(config, ground=ground, files=files)
+    return by_code or Fdm(config, steps=steps, ground=ground, files=files)
 
 
 @cache

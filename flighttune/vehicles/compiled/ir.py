@@ -8,11 +8,14 @@ from flighttune.vehicles.compiled.branches import Side, sides
 from flighttune.vehicles.compiled.trace import (
     INSTRUCTIONS,
     LIBRARY,
+    Condition,
     Graph,
     Number,
+    Truth,
     Value,
     bits,
     needed,
+    negated,
     of_bits,
 )
 
@@ -33,7 +36,8 @@ _DECLARATIONS = "\n".join(
 )
 
 _FUNCTION = """
-define void @step(ptr noalias %s, ptr noalias %p, i64 %n, ptr noalias %u, ptr noalias %o, i64 %m) {{
+define void @{name}(ptr noalias %s, ptr noalias %p, i64 %n, ptr noalias %u, ptr noalias %o, i64 %m)
+{{
 entry:
   %sine = alloca double
   %cosine = alloca double
@@ -48,7 +52,8 @@ loop:
   br label %next
 next:
   %k1 = add i64 %k, 1
-  %more = icmp slt i64 %k1, %n
+  %left = icmp slt i64 %k1, %n
+  %more = and i1 %left, {goes_on}
   br i1 %more, label %loop, label %last
 last:
   %shown = icmp sgt i64 %m, 0
@@ -74,17 +79,40 @@ def step_ir(
     properties: Sequence[Number],
     streams: int,
 ) -> str:
+    """IR of the one function ``step``, as `function_ir` has it."""
+    return module(function_ir("step", graph, inputs, updates, signals, properties, streams))
+
+
+def module(*functions: str) -> str:
+    """IR of several functions."""
+    return "\n".join((_DECLARATIONS, *functions))
+
+
+def function_ir(
+    name: str,
+    graph: Graph,
+    inputs: Mapping[str, tuple[str, int]],
+    updates: Sequence[Number],
+    signals: Sequence[Number] = (),
+    properties: Sequence[Number] = (),
+    streams: int = 0,
+    *,
+    until: Truth = False,
+) -> str:
     """IR of ``step(states, parameters, n, stream, shown, how_many)``, which makes n steps.
 
     `inputs` places each input in an array: s of states, p of parameters or u of the stream, which
     has a row of `streams` numbers for each step. `updates` are the new states. After the last step
     `signals` are written to ``shown`` if ``how_many`` is 1, `properties` behind them if it is 2.
+    The steps end with the first in which `until` holds.
     """
-    emitter = _Emitter(graph, inputs, streams)
+    emitter = _Emitter(graph, inputs, streams, name)
     first, again = emitter.carried(updates)
     # Old states, before the new ones are stored.
     shown = [value for value in (*signals, *properties) if isinstance(value, Value)]
     late = [place for place in needed(graph, shown) if graph.nodes[place].op == "input"]
+    goes_on = negated(until)
+    late += needed(graph, [goes_on]) if isinstance(goes_on, Condition) else []
     body = emitter.stores("s", updates, 0, late)
     # Values of an earlier block are known in a later one: only what is missing is computed there.
     blocks = {
@@ -93,15 +121,19 @@ def step_ir(
         "signals": emitter.stores("o", signals, 0),
         "properties": emitter.stores("o", properties, len(signals)),
     }
-    text = _FUNCTION.format(**{name: "\n  ".join(lines) for name, lines in blocks.items()})
-    return "\n".join((_DECLARATIONS, *emitter.constants(), text))
+    further = emitter.ref(goes_on.place) if isinstance(goes_on, Condition) else "true"
+    lines = {label: "\n  ".join(block) for label, block in blocks.items()}
+    text = _FUNCTION.format(name=name, goes_on=further, **lines)
+    return "\n".join((*emitter.constants(), text))
 
 
 class _Emitter:
     """Writes operations down, each once; one block comes after the other."""
 
-    def __init__(self, graph: Graph, inputs: Mapping[str, tuple[str, int]], streams: int) -> None:
-        self.graph, self.inputs, self.streams = graph, inputs, streams
+    def __init__(
+        self, graph: Graph, inputs: Mapping[str, tuple[str, int]], streams: int, name: str
+    ) -> None:
+        self.graph, self.inputs, self.streams, self.name = graph, inputs, streams, name
         self.lines: list[str] = []
         self.known: set[int] = set()
         self.tables: dict[tuple[float, ...], int] = {}
@@ -174,15 +206,21 @@ class _Emitter:
                 self._write(self.graph.nodes[place], f"%v{place}")
                 self.known.add(place)
         for slot, value in enumerate(values, first):
+            if self._is_input(value, array, slot):
+                continue  # it is there
             text = self.ref(value.place) if isinstance(value, Value) else constant(value)
             pointer = self._pointer(array, str(slot))
             self.lines.append(f"store double {text}, ptr {pointer}, align 8")
         return self.lines
 
+    def _is_input(self, value: Number, array: str, slot: int) -> bool:
+        known = isinstance(value, Value) and value.op == "input"
+        return known and self.inputs[value.args[0]] == (array, slot)
+
     def constants(self) -> list[str]:
         """Declarations of all tables."""
         return [
-            f"@table{k} = private constant [{len(values)} x double] "
+            f"@{self.name}.table{k} = private constant [{len(values)} x double] "
             f"[{', '.join(f'double {constant(x)}' for x in values)}]"
             for values, k in self.tables.items()
         ]
@@ -307,7 +345,7 @@ class _Emitter:
         place, pointer = self._new(), self._new()
         self.lines += (
             f"{place} = add i64 {self.ref(index)}, {further}",
-            f"{pointer} = getelementptr double, ptr @table{table}, i64 {place}",
+            f"{pointer} = getelementptr double, ptr @{self.name}.table{table}, i64 {place}",
             f"{name} = load double, ptr {pointer}, align 8",
         )
 

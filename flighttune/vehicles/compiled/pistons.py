@@ -59,6 +59,8 @@ def piston(now: Properties, engine: EngineFile) -> Number:
 def power_of(now: Properties, engine: EngineFile) -> Number:
     """Power of a piston engine (hp) whose functions are evaluated."""
     motor, at = engine.motor, engine.at
+    if now.trimming and supercharger_of(engine):
+        raise Unsupported("a supercharger in a trim")
     air = _air(now, engine)
     ambient, rpm, speed = air.ambient, air.rpm, air.piston_speed
     # Both magnetos are on. Fuel is that of the step before.
@@ -119,8 +121,7 @@ def _throttled_pressure(now: Properties, engine: EngineFile, air: _Air) -> Numbe
     pressure = now[f"_throttled{engine.number}"]
     change = pressure - air.ram * (through / (through + airbox + shut))
     lag = value_of(motor, "man-press-lag", 1.0)
-    if lag > now.dt:
-        change = change * (now.dt / lag)
+    change = select(lag > now.elapsed, change * (now.elapsed / lag), change)
     now[f"_throttled{engine.number}"] = pressure - change
     return pressure - change
 

@@ -78,7 +78,7 @@ def _blade_angle(now: Properties, engine: EngineFile, file: PropellerFile, rpm: 
     if not file.governed:
         return angle
     wanted = least + (most - least) * now[engine.numbered("fcs/advance-pos-norm")]
-    turned = select(rpm > _GOVERNED, angle - (wanted - rpm) * now.dt, angle)
+    turned = select(rpm > _GOVERNED, angle - (wanted - rpm) * now.elapsed, angle)
     turned = select(turned < low, low, select(turned > high, high, turned))
     feathered = different(now[engine.numbered("fcs/feather-pos-norm")], 0.0)
     angle = select(feathered, angle + (high - angle) / _FEATHERING, turned)
@@ -139,7 +139,7 @@ def _turned(
     torque = -file.sense * power / select(omega > _STILL, omega, _STILL)
     now[f"{engine.at}/propeller-torque-ftlb"] = torque
     excess = select(omega > _STILL, left_over / omega, left_over / 1.0)
-    new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * now.dt) * 60.0
+    new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * now.elapsed) * 60.0
     new = select(new < 0.0, 0.0, new)
     now[f"{engine.at}/propeller-rpm"], now[f"{engine.at}/engine-rpm"] = new, new * file.gear_ratio
     spin = file.inertia * omega * file.sense * file.moment_sign

@@ -47,7 +47,9 @@ class Properties:
 
     def __init__(self, graph: Graph, dt: float) -> None:
         self.graph = graph
-        self.dt = dt  # length of the step, s
+        self.dt = dt  # length of a step of the flight, s
+        # Time that passes for motion and engines, s: components count steps of the flight.
+        self.elapsed: Number = dt
         # Whether JSBSim evaluates a state for a trim: actuators and delays settle at once.
         self.trimming = False
         self.now: dict[str, Number] = {}

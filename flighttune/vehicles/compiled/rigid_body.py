@@ -52,18 +52,26 @@ class Planet(NamedTuple):
 
 def integrate(now: Properties) -> None:
     """Move attitude, rates, position and velocity on by one step."""
-    q = add(now.vector(QUATERNION), scale(now.dt, now.vector(QUATERNION_RATE)))
+    q = add(now.vector(QUATERNION), scale(now.elapsed, now.vector(QUATERNION_RATE)))
     now.put(QUATERNION, normalized(q))
-    rates = add(now.vector(INERTIAL_RATES), scale(now.dt, now.vector(ANGULAR_ACCELERATION)))
+    rates = add(now.vector(INERTIAL_RATES), scale(now.elapsed, now.vector(ANGULAR_ACCELERATION)))
     now.put(INERTIAL_RATES, rates)
     v_0, v_1, v_2 = map(now.vector, (INERTIAL_VELOCITY, VELOCITY_1, VELOCITY_2))
     weighted = add(sub(scale(23.0, v_0), scale(16.0, v_1)), scale(5.0, v_2))
-    now.put(POSITION, add(now.vector(POSITION), scale((1 / 12.0) * now.dt, weighted)))
+    now.put(POSITION, add(now.vector(POSITION), scale((1 / 12.0) * now.elapsed, weighted)))
     now.put(VELOCITY_1, v_0)
     now.put(VELOCITY_2, v_1)
     a_0, a_1 = now.vector(INERTIAL_ACCELERATION), now.vector(ACCELERATION_1)
-    now.put(INERTIAL_VELOCITY, add(v_0, scale(now.dt, sub(scale(1.5, a_0), scale(0.5, a_1)))))
+    now.put(INERTIAL_VELOCITY, add(v_0, scale(now.elapsed, sub(scale(1.5, a_0), scale(0.5, a_1)))))
     now.put(ACCELERATION_1, a_0)
+
+
+def hold(now: Properties) -> None:
+    """Let a step pass without motion; derivatives become those of the step before."""
+    now.put(QUATERNION, normalized(now.vector(QUATERNION)))
+    now.put(VELOCITY_2, now.vector(VELOCITY_1))
+    now.put(VELOCITY_1, now.vector(INERTIAL_VELOCITY))
+    now.put(ACCELERATION_1, now.vector(INERTIAL_ACCELERATION))
 
 
 def propagate(now: Properties, planet: Planet) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """One step of a flight: its parts in the order of FGFDMExec::Run."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 from xml.etree.ElementTree import Element
@@ -18,6 +19,7 @@ from flighttune.vehicles.compiled.rigid_body import (
     Planet,
     accelerate,
     gravity,
+    hold,
     integrate,
     propagate,
 )
@@ -39,8 +41,17 @@ class Model:
 
 def run(now: Properties, model: Model) -> None:
     """One step."""
-    now["simulation/sim-time-sec"] = now["simulation/sim-time-sec"] + now.dt
-    integrate(now)
+    _run(now, model, integrate)
+
+
+def run_still(now: Properties, model: Model) -> None:
+    """One step in which the motion is held."""
+    _run(now, model, hold)
+
+
+def _run(now: Properties, model: Model, move: Callable[[Properties], None]) -> None:
+    now["simulation/sim-time-sec"] = now["simulation/sim-time-sec"] + now.elapsed
+    move(now)
     evaluate(now, model)
 
 

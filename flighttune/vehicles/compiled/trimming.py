@@ -61,14 +61,10 @@ AT_REST = dict.fromkeys((*STATE, *RATES), 0.0) | {ATTITUDE[0]: 1.0}
 AT_REST |= {f"_ic-wind{i}{i}": 1.0 for i in range(3)}
 
 
-def evaluation(model: Model) -> tuple[Names, str]:
-    """Names and IR of an evaluation.
-
-    Its properties are all that it computes, also what JSBSim does not show.
-    """
-    graph = Graph()
-    now = Properties(graph, model.dt)
-    now.trimming = True
+def evaluation(model: Model) -> Properties:
+    """An evaluation; its values are all that it computes, also what JSBSim does not show."""
+    now = Properties(Graph(), model.dt)
+    now.trimming, now.elapsed = True, 0.0
     _set_motion(now)
     evaluate(now, model)
     # The motion begins with the acceleration of the first of two evaluations.
@@ -77,16 +73,7 @@ def evaluation(model: Model) -> tuple[Names, str]:
     now.put(ACCELERATION_1, before)
     for names in (VELOCITY_1, VELOCITY_2):
         now.put(names, now.vector(INERTIAL_VELOCITY))
-    # The numbers of the initial state stand together.
-    others = (name for name in now.inputs if name not in now.now and name not in STATE)
-    names = Names(
-        states=tuple(name for name in now.inputs if name in now.now),
-        parameters=(*STATE, *others),
-        stream=(),
-        signals=(),
-        properties=tuple(now.now),
-    )
-    return names, _text(graph, names, now, [now.now[name] for name in names.properties])
+    return now
 
 
 def writing() -> tuple[Names, str]:
@@ -122,14 +109,10 @@ def writing() -> tuple[Names, str]:
     now[AIRSPEED] = V
     now.put(WIND_TO_BODY, [x for row in directions for x in row])
     names = Names(STATE, (), WRITE, (), tuple(ANGLES))
-    return names, _text(graph, names, now, list(euler_angles(to_body)))
-
-
-def _text(graph: Graph, names: Names, now: Properties, shown: list[Number]) -> str:
-    arrays = {"s": names.states, "p": names.parameters, "u": names.stream}
+    arrays = {"s": STATE, "u": WRITE}
     places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
-    new = [now.now[name] for name in names.states]
-    return step_ir(graph, places, new, [], shown, len(names.stream))
+    new, shown = [now.now[name] for name in STATE], list(euler_angles(to_body))
+    return names, step_ir(graph, places, new, [], shown, len(WRITE))
 
 
 def _through_air(now: Properties, to_local: Matrix) -> Vector:

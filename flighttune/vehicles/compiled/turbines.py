@@ -31,7 +31,7 @@ _NUMBERS = {
 _LIT, _FAST = 0.99, 97.0
 
 
-def seek(value: Number, target: Number, up: Number, down: Number, dt: float) -> Number:
+def seek(value: Number, target: Number, up: Number, down: Number, dt: Number) -> Number:
     """A value on its way to a target, at most so fast up and down."""
     lower, higher = value - dt * down, value + dt * up
     rising = select(value < target, select(higher > target, target, higher), value)
@@ -50,6 +50,7 @@ def turbine(now: Properties, engine: EngineFile) -> Number:
     lever = select(throttle > 1.0, throttle - (throttle - 1.0), throttle)
     if now.trimming:
         # Its shafts turn as fast as the lever says, but what is shown of them stays.
+        now[f"_first{engine.number}"] = 1.0
         n_2 = x["idlen2"] + lever * (x["maxn2"] - x["idlen2"])
         return _thrust(now, engine, x, value, throttle, lever, n_2)
     _spool(now, engine, x, value, lever, runs)
@@ -74,9 +75,9 @@ def _spool(
         name = f"{engine.at}/n{k}"
         target = x[f"idlen{k}"] + lever * (x[f"maxn{k}"] - x[f"idlen{k}"])
         speed = select(first, target, now[name])
-        running = seek(speed, target, value[f"N{k}SpoolUp"], value[f"N{k}SpoolDown"], now.dt)
+        running = seek(speed, target, value[f"N{k}SpoolUp"], value[f"N{k}SpoolDown"], now.elapsed)
         n = now[name]
-        turned = seek(n, qbar / share, n / 2.0 + 0.1, n / x[f"n{k}spindown"], now.dt)
+        turned = seek(n, qbar / share, n / 2.0 + 0.1, n / x[f"n{k}spindown"], now.elapsed)
         now[name] = select(runs, running, turned)
     n_2 = now[f"{engine.at}/n2"]
     norm = f"_n2-norm{engine.number}"
@@ -110,7 +111,8 @@ def _thrust(
         augmentation = select(throttle > 1.0, throttle - 1.0, 0.0)
         lit = augmentation > 0.0
         burning = before + (full * value["AugThrust"] - before) * least(augmentation, 1.0)
-    now[burns] = select(lit, 1.0, 0.0)
+    if not (now.trimming and x["augmethod"] == 2):
+        now[burns] = select(lit, 1.0, 0.0)
     return select(lit, burning, before)
 
 

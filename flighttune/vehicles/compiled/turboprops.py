@@ -13,7 +13,7 @@ from flighttune.vehicles.compiled.engine_files import (
 from flighttune.vehicles.compiled.functions import table
 from flighttune.vehicles.compiled.properties import Properties, Unsupported
 from flighttune.vehicles.compiled.tables import Table2
-from flighttune.vehicles.compiled.trace import Number, fabs, select
+from flighttune.vehicles.compiled.trace import Number, different, exp, fabs, select
 
 # Ways of the lever when torque is limited, a second.
 _DOWN, _UP = 0.1, 0.05
@@ -25,10 +25,16 @@ def turboprop(now: Properties, engine: EngineFile) -> Number:
     if engine.pusher.tag != "propeller":
         raise Unsupported(f"a turboprop with <{engine.pusher.tag}>")
     values = functions_of(now, engine, ("EnginePowerVC",))
-    throttle = _torque_limited(now, engine)
+    throttle, first = _torque_limited(now, engine), f"_first{engine.number}"
+    if now.trimming:
+        now[first] = 1.0
+        return 0.0
     idle, most = value_of(motor, "idlen1", 30.0), value_of(motor, "maxn1", 100.0)
     delay = value_of(motor, "n1idle_max_delay", 1.0)
-    n_1 = _approach(now[f"{at}/n1"], idle + throttle * (most - idle), delay, delay * 2.4, now.dt)
+    # The first step after a trim begins at idle.
+    n_1 = select(different(now[first], 0.0), idle, now[f"{at}/n1"])
+    now[first] = 0.0
+    n_1 = _approach(n_1, idle + throttle * (most - idle), delay, delay * 2.4, now.elapsed)
     now[f"{at}/n1"] = n_1
     by_speed = table_in(motor, "EnginePowerRPM_N1")
     if not isinstance(by_speed, Table2):
@@ -40,10 +46,10 @@ def turboprop(now: Properties, engine: EngineFile) -> Number:
     return select(power > limit, limit, power)
 
 
-def _approach(value: Number, target: Number, up: float, down: float, dt: float) -> Number:
+def _approach(value: Number, target: Number, up: float, down: float, dt: Number) -> Number:
     """A value on its way to a target, by a time constant for each direction."""
-    falling = (value - target) * math.exp(-dt / down) + target
-    rising = (target - value) * (1 - math.exp(-dt / up)) + value
+    falling = (value - target) * exp(-dt / down) + target
+    rising = (target - value) * (1 - exp(-dt / up)) + value
     return select(value > target, falling, select(value < target, rising, value))
 
 
@@ -61,11 +67,15 @@ def _torque_limited(now: Properties, engine: EngineFile) -> Number:
     limit = value_of(engine.motor, "ielumaxtorque", -1.0)
     if not limit > 0.0:
         return throttle
+    if now.trimming:
+        raise Unsupported("a turboprop with limited torque in a trim")
     n = engine.number
     last, torque = now[f"_lever{n}"], now[f"{engine.at}/propeller-torque-ftlb"]
     above = (fabs(torque) > limit) & (throttle >= last)
     back = (now[f"_limited{n}"] > 0.0) & (throttle >= last)
-    lever = select(above, last - _DOWN * now.dt, select(back, last + _UP * now.dt, throttle))
+    lever = select(
+        above, last - _DOWN * now.elapsed, select(back, last + _UP * now.elapsed, throttle)
+    )
     now[f"_limited{n}"] = select(above | back, 1.0, 0.0)
     now[f"_lever{n}"] = lever
     return lever

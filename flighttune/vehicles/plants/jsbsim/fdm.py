@@ -124,6 +124,9 @@ _SETTLED_CHANGE = 1e-10
 # in a second that counts as none, and the time between two readings, s.
 _MAX_SETTLINGS, _STEADY, _LOOK = 5, 1e-9, 0.2
 
+# Height at which an aircraft is loaded whose engine settles, ft.
+_ALOFT = 3000.0
+
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
     for of in ("rate", "position")
@@ -157,26 +160,12 @@ class Fdm:
         ground: float = 0.0,
         files: model_files.Unchanged | None = None,
     ) -> None:
-        self.files = files = files or model_files.unchanged(config)
+        files = files or model_files.unchanged(config)
         model_files.check_loads(files)
-        self.config, self._model = config, model_files.folders_of(files).file
-        # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
-        self.engine_settles = config.engines.settle
+        self._describe(config, files, steps, ground)
+        # Makes another aircraft of this kind, from the same arguments.
+        self.another: Callable[..., Fdm] = Fdm
         engines = range(config.engines.count)
-        # Systems of the model itself may have a memory.
-        self.own_flight_control = model_files.has_flight_control(files)
-        self.electric = bool(engines) and model_files.has_engine(files, model_files.ELECTRIC)
-        # Steps longer than those of the flight make the speed of a light propeller diverge.
-        self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
-        # Whether long steps have brought the engine to a steady state each time.
-        self._long_steps = not self.light
-        # Whether JSBSim's own search for a steady thrust has ended in one each time.
-        self._searches = not self.electric
-        self.ground = ground
-        self.steps = steps
-        # Roll, pitch and heading (rad) of `ic/` before a bench wrote the last ones, and those.
-        self.attitude: tuple[Angles, Angles] = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        self.rate = config.inner_loop_rate * steps  # integration steps a second
         silence()
         self._exec = jsbsim.FGFDMExec(str(config.folder))
         try:
@@ -190,14 +179,7 @@ class Fdm:
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
-        self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
-        thrusts = [f"propulsion/engine[{i}]/thrust-lbs" for i in engines]
-        if engines and config.engines.thrust:
-            thrusts = [config.engines.thrust]
-        self.thrusts = list(map(self.reader, thrusts))  # lbf
-        self._thrust = self.thrusts[0] if engines else float
-        levers = [f"fcs/throttle-pos-norm[{i}]" for i in engines]
-        self._levers = [self.reader(name) for name in levers if self.shows(name)]
+        self._read_engines()
         # Properties set for the whole flight, in JSBSim's units.
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.settings = {**config.settings} | ({"propulsion/set-running": -1.0} if engines else {})
@@ -205,7 +187,43 @@ class Fdm:
             self.settings |= _sea_level_at(ground)
         for name, value in self.settings.items():
             self.writer(name)(value)
+        self._lift_off()
         self.evaluate()
+
+    def _lift_off(self) -> None:
+        # Forces of the ground would remain in rates of change that the next evaluations see.
+        if self.engine_settles:
+            self.writer("ic/h-sl-ft")(_ALOFT)
+
+    def _describe(
+        self, config: AircraftConfig, files: model_files.Unchanged, steps: int, ground: float
+    ) -> None:
+        self.files, self.config, self.steps, self.ground = files, config, steps, ground
+        self._model = model_files.folders_of(files).file
+        # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
+        self.engine_settles = config.engines.settle
+        # Systems of the model itself may have a memory.
+        self.own_flight_control = model_files.has_flight_control(files)
+        self.electric = bool(config.engines.count) and model_files.has_engine(
+            files, model_files.ELECTRIC
+        )
+        # Steps longer than those of the flight make the speed of a light propeller diverge.
+        self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
+        # Whether long steps have brought the engine to a steady state each time.
+        self._long_steps = not self.light
+        # Whether JSBSim's own search for a steady thrust has ended in one each time.
+        self._searches = not self.electric
+        # Roll, pitch and heading (rad) of `ic/` before a bench wrote the last ones, and those.
+        self.attitude: tuple[Angles, Angles] = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        self.rate = config.inner_loop_rate * steps  # integration steps a second
+
+    def _read_engines(self) -> None:
+        engines = range(self.config.engines.count)
+        self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
+        self.thrusts = list(map(self.reader, thrusts_of(self.config)))  # lbf
+        self._thrust = self.thrusts[0] if engines else float
+        levers = [f"fcs/throttle-pos-norm[{i}]" for i in engines]
+        self._levers = [self.reader(name) for name in levers if self.shows(name)]
 
     def _load(self, folders: model_files.ModelFolders, log: QuietLogger) -> None:
         self._exec.set_debug_level(0)
@@ -314,8 +332,7 @@ class Fdm:
         throttle = self.value(THROTTLE, math.nan)
         if not self._searches or any(read() != throttle for read in self._levers):
             return False
-        propulsion = self._exec.get_propulsion()
-        propulsion.get_steady_state()  # its value says nothing
+        self.search_thrust()
         running = [bool(read()) for read in self._running]
         # Its steps of half a second stop some propellers, and let others go to and fro.
         self._searches = (
@@ -325,8 +342,16 @@ class Fdm:
         )
         for i, runs in enumerate(running):
             if not runs:
-                propulsion.get_engine(i).init_running()
+                self.start_engine(i)
         return self._searches
+
+    def search_thrust(self) -> None:
+        """Let JSBSim search for a steady thrust of each engine, in steps of half a second."""
+        self._exec.get_propulsion().get_steady_state()  # its value says nothing
+
+    def start_engine(self, i: int) -> None:
+        """Start one engine."""
+        self._exec.get_propulsion().get_engine(i).init_running()
 
     def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> bool:
         """Let `duration` (s) pass for an aircraft that stays still, as `run_still` does."""
@@ -409,6 +434,14 @@ class Fdm:
         """Words of JSBSim in one line, about the file of the user instead of the one made of it."""
         line = re.sub(rf"({self._private})/(\S+?\.xml)(:\d+)?", r"\2", one_line(text))
         return line.replace("No filename given. ", "")[:MAX_REASON].rstrip(" .:")
+
+
+def thrusts_of(config: AircraftConfig) -> list[str]:
+    """Properties with the thrust of the engines, lbf."""
+    engines = range(config.engines.count)
+    if engines and config.engines.thrust:
+        return [config.engines.thrust]
+    return [f"propulsion/engine[{i}]/thrust-lbs" for i in engines]
 
 
 def _sea_level_at(ground: float) -> dict[str, float]:

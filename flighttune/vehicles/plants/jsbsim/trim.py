@@ -191,7 +191,8 @@ def trim(fdm: Fdm, condition: FlightCondition) -> AirframeState:
         return problem.state(problem.steady())
     # The search is on an aircraft of its own, and only its answer is set here: the last digits of a
     # thrust depend on the throttles before it, and must not depend on whether a search was needed.
-    x = np.array(_found(fdm.files, _stated_in(config), condition, fdm.steps, fdm.ground))
+    stated, place = _stated_in(config), (fdm.steps, fdm.ground)
+    x = np.array(_found(fdm.files, stated, condition, *place, fdm.another))
     problem.check(x)
     return problem.state(x)
 
@@ -203,14 +204,17 @@ def _found(
     condition: FlightCondition,
     steps: int,
     ground: float,
+    another: Callable[..., Fdm],
 ) -> tuple[float, ...]:
     config, near = files.config, None
     if config.off_nominal is not None:  # the engine then settles a third as often
         nominal = config.with_off_nominal(None)
         of_nominal = Unchanged(nominal, files.key), _stated_in(nominal)
         with suppress(InputError, PlantError):
-            near = np.array(_found(*of_nominal, replace(condition, chi=0.0), steps, ground))
-    fdm = Fdm(config, steps=steps, ground=ground, files=files)
+            near = np.array(
+                _found(*of_nominal, replace(condition, chi=0.0), steps, ground, another)
+            )
+    fdm = another(config, steps=steps, ground=ground, files=files)
     return tuple(_TrimProblem(fdm, condition).steady(near=near).tolist())
 
 
