@@ -147,7 +147,8 @@ class EvaluatedFdm(Fdm):
             known |= inertia(values.__getitem__)
         for engine in model.engines:
             n = engine.number
-            known |= {f"_first{n}": 1.0, f"_n2-norm{n}": 0.0}
+            # JSBSim has loaded it at full throttle.
+            known |= {f"_first{n}": 1.0, f"_n2-norm{n}": 0.0, f"_lever{n}": 1.0}
             if engine.kind == "piston":
                 known[f"_throttled{n}"] = self._loaded.before[canonical(f"{engine.at}/map-pa")]
         for n, channel in enumerate(channels_of(model.root)):

@@ -140,7 +140,7 @@ def _evaluation(source: Source, ground: float) -> Evaluation | None:
     if not isinstance(step := compiled(source.config, files=source.files), CompiledStep):
         return None
     model, write = source.model(Air()), _writing()
-    engines = len(model.engines)
+    engines = len(model.engines)  # of the model; a glider may have some at rest
 
     def made() -> Kept:
         names, text = before_flight(model, thrusts_of(source.config))
@@ -148,11 +148,20 @@ def _evaluation(source: Source, ground: float) -> Evaluation | None:
         fdm = LoadedFdm(source.config, ground=ground, files=source.files)
         before_it = BeforeFlight(names, code, engines)
         found = Evaluation(source, model, fdm.known, before_it, write, _evaluated_or_loaded)
-        loaded, difference = check_start(step, found, source, ground)
+        try:
+            loaded, difference = check_start(step, found, source, ground)
+        except Unsupported as what:
+            loaded, difference = found.loaded, f"a start does not know {what}"
         verdict = {"difference": difference, "loaded": asdict(loaded)}
         return Kept(names=names, code=code, verdict=verdict)
 
-    kept = kept_or_made(_key(source, Air(), f"start {ground!r} {source.config.settings}"), made)
+    engines_settle, settings = source.config.engines.settle, source.config.settings
+    try:
+        kept = kept_or_made(
+            _key(source, Air(), f"start {ground} {engines_settle} {settings}"), made
+        )
+    except Unsupported:
+        return None
     if kept.verdict["difference"]:
         return None
     loaded = Loaded(**kept.verdict["loaded"])

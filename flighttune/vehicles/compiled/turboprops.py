@@ -67,8 +67,6 @@ def _torque_limited(now: Properties, engine: EngineFile) -> Number:
     limit = value_of(engine.motor, "ielumaxtorque", -1.0)
     if not limit > 0.0:
         return throttle
-    if now.trimming:
-        raise Unsupported("a turboprop with limited torque in a trim")
     n = engine.number
     last, torque = now[f"_lever{n}"], now[f"{engine.at}/propeller-torque-ftlb"]
     above = (fabs(torque) > limit) & (throttle >= last)

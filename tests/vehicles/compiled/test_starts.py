@@ -1,6 +1,7 @@
 """Starts by machine code against those by JSBSim, number by number and to the bit."""
 
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +21,10 @@ from flighttune.vehicles.compiled.trace import fabs
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
 
-SPEED = {"aerosonde": 25.0, "x8": 18.0, "a4": 120.0}
+ADOPTED = Path(__file__).parents[2] / "adopted"
+
+# Airspeeds that all drawn aircraft can hold, m/s
+SPEED = {"aerosonde": 25.0, "x8": 18.0, "a4": 120.0, "c172p": 48.0, "DHC6": 60.0, "737": 180.0}
 
 
 def draws(name, count, seed):
@@ -29,7 +33,10 @@ def draws(name, count, seed):
     factors = ("mass", "lift", "drag", "ixx", "iyy", "izz")
     for k in range(count):
         numbers = {f"{key}_factor": draw(0.95, 1.05) for key in factors}
-        if name == "a4":  # its largest inertia is nearly the sum of the others, and may not be more
+        if name in (
+            "a4",
+            "737",
+        ):  # its largest inertia is nearly the sum of the others, and may not be more
             numbers["iyy_factor"] = numbers["izz_factor"] = numbers["ixx_factor"]
         numbers |= {"actuator_lag_factor": draw(0.8, 1.5), "cg_aft_m": draw(-0.004, 0.004)}
         wind = WindProfile(((0.0, (draw(-4, 4), draw(-4, 4), draw(-0.2, 0.2))),))
@@ -64,13 +71,19 @@ def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
     ("name", "count"),
     [
         ("aerosonde", 6),
+        ("c172p", 3),
+        pytest.param("DHC6", 3, marks=pytest.mark.slow),
+        pytest.param("737", 3, marks=pytest.mark.slow),
         pytest.param("aerosonde", 120, marks=pytest.mark.soak),
         pytest.param("x8", 120, marks=pytest.mark.soak),
         pytest.param("a4", 120, marks=pytest.mark.soak),
+        pytest.param("c172p", 120, marks=pytest.mark.soak),
+        pytest.param("DHC6", 40, marks=pytest.mark.soak),
+        pytest.param("737", 40, marks=pytest.mark.soak),
     ],
 )
 def test_starts_of_drawn_aircraft_are_those_of_jsbsim(name, count):
-    config = load_aircraft(name)
+    config = load_aircraft(ADOPTED / name if name in ("DHC6", "737") else name)
 
     for off_nominal, condition, weather in draws(name, count, seed=count):
         drawn = config.with_off_nominal(off_nominal)
@@ -109,8 +122,12 @@ def test_masses_are_those_of_jsbsim(name):
         assert J[i, j] == sign * shown(f"inertia/i{axes}-slugs_ft2"), axes
 
 
-def test_an_engine_that_settles_is_started_by_jsbsim():
-    assert face.evaluated(load_aircraft("c172p")) is None
+@pytest.mark.slow
+def test_an_engine_that_stops_in_a_trim_is_started_by_jsbsim():
+    config = load_aircraft(ADOPTED / "c182")
+
+    assert isinstance(face.compiled(config), face.CompiledStep)
+    assert face.evaluated(config) is None
 
 
 def test_so_is_a_filter_of_the_model(tmp_path):
