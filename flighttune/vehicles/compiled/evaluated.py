@@ -4,12 +4,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from flighttune.base.errors import PlantError
-from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import masses, trimming, turbulence
 from flighttune.vehicles.compiled.atmosphere import pressures
 from flighttune.vehicles.compiled.components import channels_of, execution_rate
@@ -102,12 +101,11 @@ class Evaluation:
     other: Callable[..., Fdm]  # makes an aircraft of another source
     names: dict[str, list[str]] = field(default_factory=dict)  # of properties by their beginning
 
-    def aircraft(
-        self, config: AircraftConfig, *, steps: int, ground: float, files: Unchanged
-    ) -> Fdm:
-        """An aircraft with the numbers of `config`, also one without any of its own."""
-        if (source := Source(config, steps, files)) != self.source:
-            return self.other(config, steps=steps, ground=ground, files=files)
+    def aircraft(self, files: Unchanged, *place: Any) -> Fdm:
+        """An aircraft with the numbers of its own, also one that has none; as `load` does."""
+        steps, ground = place
+        if (source := Source(files.config, steps, files)) != self.source:
+            return self.other(files, *place)
         return EvaluatedFdm(self, source, ground=ground)
 
 
@@ -115,7 +113,9 @@ class EvaluatedFdm(Fdm):
     """An aircraft before its flight, whose evaluations and settling are machine code."""
 
     def __init__(self, evaluation: Evaluation, source: Source, *, ground: float) -> None:
-        self._describe(source.config, source.files, source.steps, ground)
+        self.files, self.config = source.files, source.config
+        self.steps, self.ground = source.steps, ground
+        self._describe()
         self.another, self.run = evaluation.aircraft, self._refuse
         self._evaluation, self._loaded = evaluation, evaluation.loaded
         self._numbers, self._declared = source.numbers, declared(evaluation.model)

@@ -22,7 +22,7 @@ from flighttune.vehicles.compiled.settling import BeforeFlight, before_flight
 from flighttune.vehicles.compiled.signals import shown_signals
 from flighttune.vehicles.compiled.step import MachineStep, Names, traced
 from flighttune.vehicles.compiled.trimming import writing
-from flighttune.vehicles.plants.jsbsim.fdm import Fdm, thrusts_of
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm, load, thrusts_of
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
@@ -169,11 +169,9 @@ def _evaluation(source: Source, ground: float) -> Evaluation | None:
     return Evaluation(source, model, loaded, code, write, _evaluated_or_loaded)
 
 
-def _evaluated_or_loaded(
-    config: AircraftConfig, *, steps: int, ground: float, files: Unchanged
-) -> Fdm:
-    by_code = evaluated(config, ground=ground, files=files)
-    return by_code or Fdm(config, steps=steps, ground=ground, files=files)
+def _evaluated_or_loaded(files: Unchanged, steps: int, ground: float) -> Fdm:
+    by_code = evaluated(files.config, ground=ground, files=files)
+    return by_code or load(files, steps, ground)
 
 
 @cache

@@ -12,7 +12,7 @@ from flighttune.base.errors import TrimError
 from flighttune.control.controller import FlightCondition
 from flighttune.flight.loop import aircraft as loop_aircraft
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
-from flighttune.vehicles.compiled import engines, face, masses, trimming
+from flighttune.vehicles.compiled import engines, face, masses, run, settling, trimming
 from flighttune.vehicles.compiled.check import _start_numbers
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import named
@@ -177,21 +177,29 @@ def weaker(now, engine, of=engines._MOTORS["electric"]):
     return fabs(of(now, engine)) * (1.0 - (2.0**-52 if now.trimming else 0.0))
 
 
+def drifting(now, of=run.hold):
+    of(now)
+    now["velocities/pi-rad_sec"] = now["velocities/pi-rad_sec"] * (1.0 + 2.0**-52)
+
+
 @pytest.mark.parametrize(
-    "wrong",
+    ("aircraft", "place", "name", "operation"),
     [
-        (trimming, "_through_air", later_wind),
-        (engines._MOTORS, "electric", weaker),
-        (masses, "_SLUG", masses._SLUG * (1.0 + 2.0**-52)),
+        ("aerosonde", trimming, "_through_air", later_wind),
+        ("aerosonde", engines._MOTORS, "electric", weaker),
+        ("aerosonde", masses, "_SLUG", masses._SLUG * (1.0 + 2.0**-52)),
+        ("c172p", run, "hold", drifting),
+        ("c172p", settling, "_SEARCH_STEP", 0.5 * (1.0 + 2.0**-52)),
     ],
-    ids=["wind", "engine", "mass"],
+    ids=["wind", "engine", "mass", "motion that is not held", "search"],
 )
 @pytest.mark.slow
-def test_a_wrong_start_is_found_and_jsbsim_starts(wrong, empty_cache, monkeypatch):
-    place, name, operation = wrong
+def test_a_wrong_start_is_found_and_jsbsim_starts(
+    aircraft, place, name, operation, empty_cache, monkeypatch
+):
     setter = monkeypatch.setitem if isinstance(place, dict) else monkeypatch.setattr
     setter(place, name, operation)
-    config = load_aircraft("aerosonde").with_off_nominal(OffNominal(mass_factor=1.02))
+    config = load_aircraft(aircraft).with_off_nominal(OffNominal(mass_factor=1.02))
 
     assert isinstance(face.compiled(config), face.CompiledStep)
     assert face.evaluated(config) is None

@@ -162,9 +162,10 @@ class Fdm:
     ) -> None:
         files = files or model_files.unchanged(config)
         model_files.check_loads(files)
-        self._describe(config, files, steps, ground)
-        # Makes another aircraft of this kind, from the same arguments.
-        self.another: Callable[..., Fdm] = Fdm
+        self.files, self.config, self.steps, self.ground = files, config, steps, ground
+        self._describe()
+        # Makes an aircraft of this kind, as `load` does.
+        self.another: Callable[..., Fdm] = load
         engines = range(config.engines.count)
         silence()
         self._exec = jsbsim.FGFDMExec(str(config.folder))
@@ -195,10 +196,8 @@ class Fdm:
         if self.engine_settles:
             self.writer("ic/h-sl-ft")(_ALOFT)
 
-    def _describe(
-        self, config: AircraftConfig, files: model_files.Unchanged, steps: int, ground: float
-    ) -> None:
-        self.files, self.config, self.steps, self.ground = files, config, steps, ground
+    def _describe(self) -> None:
+        config, files = self.config, self.files
         self._model = model_files.folders_of(files).file
         # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
         self.engine_settles = config.engines.settle
@@ -215,7 +214,7 @@ class Fdm:
         self._searches = not self.electric
         # Roll, pitch and heading (rad) of `ic/` before a bench wrote the last ones, and those.
         self.attitude: tuple[Angles, Angles] = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        self.rate = config.inner_loop_rate * steps  # integration steps a second
+        self.rate = config.inner_loop_rate * self.steps  # integration steps a second
 
     def _read_engines(self) -> None:
         engines = range(self.config.engines.count)
@@ -434,6 +433,11 @@ class Fdm:
         """Words of JSBSim in one line, about the file of the user instead of the one made of it."""
         line = re.sub(rf"({self._private})/(\S+?\.xml)(:\d+)?", r"\2", one_line(text))
         return line.replace("No filename given. ", "")[:MAX_REASON].rstrip(" .:")
+
+
+def load(files: model_files.Unchanged, steps: int, ground: float) -> Fdm:
+    """An aircraft of JSBSim, by its files as they are."""
+    return Fdm(files.config, steps=steps, ground=ground, files=files)
 
 
 def thrusts_of(config: AircraftConfig) -> list[str]:

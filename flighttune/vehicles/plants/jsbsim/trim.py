@@ -214,7 +214,7 @@ def _found(
             near = np.array(
                 _found(*of_nominal, replace(condition, chi=0.0), steps, ground, another)
             )
-    fdm = another(config, steps=steps, ground=ground, files=files)
+    fdm = another(files, steps, ground)
     return tuple(_TrimProblem(fdm, condition).steady(near=near).tolist())
 
 
