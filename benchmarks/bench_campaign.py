@@ -73,9 +73,16 @@ def plan(
     tables = {**load_scenario("paper").as_dict(), "gains": ["paper"], "plant": [plant], **changes}
     tables["controller"]["rate_hz"] = rate_hz
     tables["expect"] = [{"at_most": {"chi": {"settling_s": 15.0}, "gamma": {"ST_deg": 1.0}}}]
+    return plan_of(tables, "paper", disperse, runs=runs)
+
+
+def plan_of(
+    tables: dict[str, Any], scenario: str, disperse: list[dict[str, object]], *, runs: int
+) -> Plan:
+    """A campaign on the tables of a changed scenario."""
     nominal = scenario_from(tables)
     table = CampaignTable.model_validate(
-        {"title": "bench", "scenario": "paper", "seed": 1, "runs": runs, "disperse": disperse}
+        {"title": "bench", "scenario": scenario, "seed": 1, "runs": runs, "disperse": disperse}
     )
     return plan_campaign(Campaign.of(table, nominal=nominal, central=nominal))
 

@@ -17,22 +17,24 @@ from typing import Any
 
 import numpy as np
 import running
-from bench_campaign import AIRCRAFT, AIRFRAME, DEFAULT, START, plan
+from bench_campaign import AIRCRAFT, AIRFRAME, DEFAULT, START, dispersed, plan, plan_of
 from bench_jsbsim import circuit
 
-from flighttune import scenario_from
+from flighttune import load_scenario, scenario_from
 from flighttune.base.files.code import JSBSIM
 from flighttune.campaigns.flying import rows
+from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.entry import entry_of
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.loop import aircraft, loop
 from flighttune.flight.models import gain_set
 from flighttune.vehicles.compiled.face import CompiledStep, compiled
 from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.jsbsim import trim
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 
 REPEATS, STEPS = (1, 500) if running.QUICK else (7, 4000)
-LEAST_RATIO = {"step": 18.0, "still air": 12.0, "turbulence": 10.0, "row": 5.0}
+LEAST_RATIO = {"step": 18.0, "still air": 12.0, "turbulence": 10.0, "row": 5.0, "settling": 5.0}
 
 
 def best(do: Callable[[], object]) -> float:
@@ -77,11 +79,24 @@ def both(do: Callable[[], Any]) -> tuple[float, float]:
     return slow, best(do)
 
 
+def settling() -> Plan:
+    """Rows of 20 s on an aircraft whose engine settles before each flight."""
+    tables = load_scenario("c172_cruise_turn").as_dict()
+    tables["plant"] = [table for table in tables["plant"] if table["kind"] == "jsbsim"]
+    tables["gains"] = ["tuned"]
+    tables["expect"] = [{"at_most": {"chi": {"settling_s": 20.0}}}]
+    tables["flight"]["duration_s"] = 20.0
+    tables["reference"] = {"chi_deg": 40.0, "gamma_deg": 0.0}
+    speeds = dispersed("flight.V_a_mps", 48.0, 52.0)
+    return plan_of(tables, "c172_cruise_turn", [speeds, *AIRFRAME], runs=1000)
+
+
 def begun_anew(do: Callable[[], Any]) -> Callable[[], Any]:
     """The same without the starts that are kept."""
 
     def flown() -> Any:
         aircraft._kept_start.cache_clear()
+        trim._found.cache_clear()
         return do()
 
     return flown
@@ -93,7 +108,7 @@ def main() -> int:
     still = circuit()
     rough = scenario_from(still.as_dict() | {"turbulence": {"intensity": "moderate"}})
     unsure = scenario_from(still.as_dict() | {"navigation": {"grade": "standard"}})
-    campaign = plan(AIRCRAFT, START + AIRFRAME, **DEFAULT)
+    campaign, of_cessna = plan(AIRCRAFT, START + AIRFRAME, **DEFAULT), settling()
     name = still.gain_names[0]
     gains, label = gain_set(still, name), still.aircraft[0].label
     flown = {
@@ -101,6 +116,7 @@ def main() -> int:
         "turbulence": lambda: fly_alone(entry_of(rough, name, gains, label)),
         "errors of navigation": lambda: fly_alone(entry_of(unsure, name, gains, label)),
         "row": lambda: rows.fly_runs(campaign, [1]),
+        "settling": lambda: rows.fly_runs(of_cessna, [1]),
     }
     flown = {name: begun_anew(do) for name, do in flown.items()} | {
         f"{name}, begun before": do for name, do in flown.items()

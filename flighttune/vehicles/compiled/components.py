@@ -213,8 +213,6 @@ def _run(part: Part, written: set[str]) -> None:
         return
     if element.tag not in _COMPONENTS:
         raise Unsupported(f"the component <{element.tag}>")
-    if now.trimming and element.tag in FILTERS:
-        raise Unsupported(f"a <{element.tag}> in a trim")
     names, in_flight = outputs_of(element), not now.trimming
     if (
         element.tag == "kinematic"
@@ -466,6 +464,10 @@ def _filter(part: Part) -> Number:
         y = x * a + x_1 * b + y_1 * ((2.00 * c[3] - dt * c[4]) / denominator)
     else:
         y = _second_order(part, c, (x, x_1, y_1))
+    if now.trimming:
+        # The first run after loading sees no input.
+        runs = different(now[part.memory("begun")], 0.0)
+        x, y, now[part.memory("begun")] = select(runs, x, 0.0), select(runs, y, 0.0), 1.0
     now[part.memory("in")], now[part.memory("out")] = x, y
     return y
 
