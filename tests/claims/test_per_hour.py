@@ -295,6 +295,15 @@ def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
     assert answers.endings(hourly)[1] == (
         "An aircraft that falls comes down 1.5 m away per metre of height, as declared."
     )
+    falls["ending"] |= {"monitor": "m.npz", "after_alarm_s": 2.0}
+    watched = replace(hourly, rates=falls, alarms=Alarms(models=(), middle=(), half=()))
+    assert (
+        answers.endings(watched)[-1]
+        == "A flight is ended 2 s after the first alarm of the monitor."
+    )
+    # Faults begin within the longest flight, and the mean flight has a bound below the shortest.
+    said = " ".join(answers.notes(hourly))
+    assert "begins at any time of the first 90 s, and a flight lasts 8" in said
 
 
 def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hole_within():

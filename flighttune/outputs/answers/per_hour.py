@@ -203,8 +203,8 @@ def notes(hourly: PerHour) -> list[str]:
     hours = exposure.hours(hourly.bound.each)
     return [
         f"The rates of {listed(kinds)} are declared by the applicant; the shares are counted. Each "
-        f"fault begins at a time drawn from {exposure.window_s:g} s, and a flight lasts "
-        f"{hours:.3g} h or more on average.",
+        f"fault begins at any time of the first {exposure.window_s:.3g} s, and a flight lasts "
+        f"{3600.0 * hours:.3g} s or more on average.",
         *endings(hourly),
         "A flight leaves by a side or the top of the volume, or by the floor of a fence before it "
         "comes down. A flight whose model no longer holds counts as outside, unless it was ended "
@@ -224,4 +224,7 @@ def endings(hourly: PerHour) -> list[str]:
     if ending.fall_per_height is not None and hows.keys() - {"parachute"}:
         fall = f"{ending.fall_per_height:g} m away per metre of height"
         said.append(f"An aircraft that falls comes down {fall}, as declared.")
+    if hourly.alarms is not None:
+        later = f"{ending.after_alarm_s:g} s after" if ending.after_alarm_s else "at"
+        said.append(f"A flight is ended {later} the first alarm of the monitor.")
     return said
