@@ -201,14 +201,13 @@ class Tube(Answering):
         problem = self.problem
         if self.status != "bounded":
             return f"nothing is claimed of the flights of {problem.model}: {self.reason}"
-        low, high = problem.disturbances
-        worst, widths = float(np.abs([low, high]).max()), self.half_widths
+        widths = self.half_widths
         within = " and ".join(
             f"{symbol} within {at_most(max(widths[channel]['max'] or 0.0, LEAST_WIDTH), 2)} deg"
             for channel, symbol in CHANNEL_SYMBOLS.items()
         )
         starts = f"from starts within {at_least(problem.start * DEG_PER_RAD)} deg of its start"
-        shaken = f" and under any disturbance of at most {at_least(worst)} rad/s" if worst else ""
+        shaken = self._disturbed()
         if self.probability is not None or problem.aircraft_checked is not None:
             shaken = " and under any disturbance in the boxes of its file"
         words = (
@@ -220,6 +219,18 @@ class Tube(Answering):
         if problem.aircraft_checked is False:
             words += "; that an aircraft keeps the boxes in the file is not checked"
         return words if self.probability is None else f"{words}; {self.probability.sentence}"
+
+    def _disturbed(self) -> str:
+        """The size below which every disturbance is within the bounds of both rates, in words."""
+        low, high = self.problem.disturbances
+        course, path = np.minimum(-low, high).min(axis=0).tolist()
+        if not (course or path):
+            return ""
+        sizes = f"{at_least(course)} rad/s"
+        if course != path:
+            sizes += f" of {CHANNEL_SYMBOLS['chi']} and {at_least(path)} rad/s"
+            sizes += f" of {CHANNEL_SYMBOLS['gamma']}"
+        return f" and under any disturbance of at most {sizes}"
 
     def why_not(self, run: Run) -> str:
         """Why the tube does not cover a run; empty if the run is one of its flights."""

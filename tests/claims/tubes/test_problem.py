@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 from made_up import made_up_scenario
+from made_up_tubes import tube, tube_scenario
 
+import flighttune as ft
 from flighttune.claims.tubes.tube import stated_problem
 
 FLIGHT = {
@@ -54,3 +56,21 @@ def test_a_feed_forward_adds_the_lift_of_the_reference_path(ahead, lift):
     assert loop.law.feed_forward == ahead
     assert not loop.law.conditional
     assert loop.reference[:, -1] == pytest.approx(np.full(len(loop.reference), lift))
+
+
+@pytest.mark.parametrize(
+    ("chi", "gamma", "words"),
+    [
+        (0.02, -0.02, "any disturbance of at most 0.02 rad/s, in"),
+        (0.02, 0.005, "any disturbance of at most 0.02 rad/s of χ and 0.005 rad/s of γ, in"),
+        (0.0, 0.005, "any disturbance of at most 0 rad/s of χ and 0.005 rad/s of γ, in"),
+        (0.0, 0.0, "from its start, in"),
+    ],
+)
+def test_a_claim_is_of_the_disturbances_of_each_rate_that_its_sets_contain(chi, gamma, words):
+    turn = tube_scenario(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.1).as_dict()
+    turn["disturbance"] = {"chi_amplitude": chi, "gamma_amplitude": gamma}
+
+    found = tube(ft.scenario_from(turn), ft.PAPER_GAINS, for_ever=False)
+
+    assert words in found.sentence
