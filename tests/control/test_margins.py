@@ -1,6 +1,7 @@
 """Margins against loops that are actually changed by as much, and against python-control's."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from printed import MARKED, MODEL, lagged
 import flighttune as ft
 from flighttune.control import margins
 from flighttune.control.inner_loop import with_input_delay
+from flighttune.flight.models import LARGEST_SENSITIVITY, SENSITIVITY
 
 LAGGED, K6 = lagged(), MARKED["K6"]
 BELOW, ABOVE = 0.99, 1.01
@@ -200,3 +202,14 @@ def test_a_response_at_a_pole_is_as_large_as_beside_it():
     assert np.isfinite(at_rest).all()
     assert (np.abs(at_rest) > np.abs(slow)).all()
     assert (margins.cut_margins((np.eye(2), np.eye(2), np.zeros((2, 2))), MODEL.inputs)) == ()
+
+
+@pytest.mark.parametrize(
+    ("sensitivity", "phase_deg"), [(LARGEST_SENSITIVITY, 35.0), (SENSITIVITY, 41.8)]
+)
+def test_a_sensitivity_of_tuned_gains_leaves_at_least_what_meet_requires(sensitivity, phase_deg):
+    """6 dB and 35 deg; ``|1 + L| >= 1 / S`` leaves ``S / (S - 1)`` and ``2 asin(1 / (2 S))``."""
+    phase = math.degrees(2.0 * math.asin(0.5 / sensitivity))
+
+    assert phase == pytest.approx(phase_deg, abs=0.05)
+    assert 20.0 * math.log10(sensitivity / (sensitivity - 1.0)) > 6.0
