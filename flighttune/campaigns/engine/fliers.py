@@ -45,6 +45,6 @@ class Fliers:
         if self.scheduler is not None:
             check_scheduler(self.scheduler)
 
-    def at_stage(self, number: int, of: int) -> "Fliers":
+    def at_stage(self, number: int, stages: int) -> "Fliers":
         """These, for one of several counts, from 1; a single count is no stage."""
-        return replace(self, stage=f"stage {number} of {of}, " if of > 1 else "")
+        return replace(self, stage=f"stage {number} of {stages}, " if stages > 1 else "")
