@@ -12,6 +12,7 @@ from flighttune.base.errors import PlantError
 from flighttune.vehicles.compiled import masses, trimming, turbulence
 from flighttune.vehicles.compiled.atmosphere import pressures
 from flighttune.vehicles.compiled.components import channels_of, execution_rate
+from flighttune.vehicles.compiled.engine_files import propeller_of, value_of
 from flighttune.vehicles.compiled.model import Source
 from flighttune.vehicles.compiled.properties import Unsupported, canonical
 from flighttune.vehicles.compiled.run import Model
@@ -204,13 +205,21 @@ class EvaluatedFdm(Fdm):
         self._functions[function](self._row_at, None, steps, None, None, 0)
 
     def start_engines(self) -> None:
-        """Nothing where they run; JSBSim starts those that stand."""
+        """Start those that do not run by their starters; JSBSim starts those that have none."""
+        super().start_engines()
         if not (self.electric or all(read() for read in self._running)):
             raise Unsupported("an engine that stands in a trim")
 
     def start_engine(self, i: int) -> None:
-        """JSBSim starts it."""
-        raise Unsupported(f"engine {i + 1}, which stands in a trim")
+        """Start one engine: JSBSim turns that of a propeller at twice its idle speed."""
+        engine = self._evaluation.model.engines[i]
+        if engine.kind != "piston" or engine.pusher.tag != "propeller":
+            raise Unsupported(f"engine {i + 1}, which stands in a trim")
+        gear = propeller_of(engine).gear_ratio
+        speed = 2.0 * value_of(engine.motor, "idlerpm", 600.0) / gear
+        running = {"propeller-rpm": speed, "engine-rpm": speed * gear, "set-running": 1.0}
+        for name, value in running.items():
+            self._row[self._at[canonical(f"{engine.at}/{name}")]] = value
 
     def _write(self) -> None:
         """Write to the initial state what was given since the last evaluation."""

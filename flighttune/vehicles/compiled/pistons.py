@@ -20,6 +20,9 @@ _PSF_TO_PA, _INHG_TO_PA, _PSI_TO_PA = 47.88, 3386.38, 6895
 _STANDARD_PRESSURE = 101320.73
 _MOST_SPEEDS = 3
 
+# Whether all starters turn
+STARTER = "propulsion/starter_cmd"
+
 # Pressure by which ambient pressure must pass a switch of a supercharger, Pa.
 _HYSTERESIS = 1000
 
@@ -80,7 +83,8 @@ def power_of(now: Properties, engine: EngineFile) -> Number:
         raise Unsupported("a table MIXTURE of two dimensions")
     friction = now[f"{at}/friction-hp"]
     burned = ((rate * 3600) / now[f"{at}/bsfc-lbs_hphr"]) * table.at(fuel / flow)
-    indicated = select(runs, burned - friction, -friction)
+    standing = _cranked(now, engine, rpm) if now.starting else -friction
+    indicated = select(runs, burned - friction, standing)
     dynamic = value_in(motor, "dynamic-fmep", "PA", 18400.0)
     static = value_in(motor, "static-fmep", "PA", 46500.0)
     rubbing = select(runs, -dynamic * speed * FT_TO_M - static, 0.0)
@@ -89,6 +93,21 @@ def power_of(now: Properties, engine: EngineFile) -> Number:
     goes_on = runs & negated(indicated < _STOPS)
     now[f"{at}/set-running"] = select(goes_on, 1.0, 0.0)
     return indicated + work / (value_of(motor, "cycles", 4.0) * 22371) - loss
+
+
+def _cranked(now: Properties, engine: EngineFile, rpm: Number) -> Number:
+    """Indicated power of an engine that does not run, hp: that of a starter that turns it."""
+    motor, at = engine.motor, engine.at
+    fastest = value_of(motor, "starter-rpm", -1.0)
+    if fastest < 0.0:
+        fastest = 2 * value_of(motor, "idlerpm", 600.0)
+    strength = value_of(motor, "starter-torque", -1.0)
+    if strength < 0.0:
+        strength = value_in(motor, "maxhp", "HP", 200.0) * 0.4
+    share = select(rpm < fastest, 1.0 - rpm / fastest, 0.0)
+    torque = strength * share * now[f"{at}/starter-norm"]
+    power = torque * select(rpm < 1.0, 1.0, rpm) / 5252
+    return select(different(now[STARTER], 0.0), power, -now[f"{at}/friction-hp"])
 
 
 def _air(now: Properties, engine: EngineFile) -> _Air:

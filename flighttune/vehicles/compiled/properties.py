@@ -52,6 +52,8 @@ class Properties:
         self.elapsed: Number = dt
         # Whether JSBSim evaluates a state for a trim: actuators and delays settle at once.
         self.trimming = False
+        # Whether starters may turn engines.
+        self.starting = False
         self.now: dict[str, Number] = {}
         self.inputs: dict[str, Value] = {}
         # Rotations: local to body, body to local, Earth to body, wind to body, body to wind

@@ -56,7 +56,7 @@ def before_flight(model: Model, thrusts: Sequence[str]) -> tuple[Names, str]:
 def _held(model: Model, thrust: str) -> tuple[Properties, Truth]:
     """A step of an aircraft that stays still, and whether its thrust is steady."""
     now = Properties(Graph(), model.dt)
-    now.elapsed = now[ELAPSED]
+    now.elapsed, now.starting = now[ELAPSED], True
     before, samples = now[thrust], now[SAMPLES]
     run_still(now, model)
     change = fabs(now[thrust] - before)
