@@ -144,15 +144,7 @@ def test_a_filter_of_the_model_begins_as_in_jsbsim(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_gust_comes_at_its_time_after_a_start_without_jsbsim():
-    gust = Gust(axis="right", peak=3.0, start=1.3, rise=0.7, hold=0.4)
-    condition = FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
-
-    assert differing_at_start(load_aircraft("aerosonde"), condition, Weather(gust=gust)) == []
-
-
-@pytest.mark.slow
-def test_delays_and_play_of_a_model_start_without_jsbsim(tmp_path):
+def test_delays_and_play_of_a_model_start_without_jsbsim_and_a_gust_comes_at_its_time(tmp_path):
     alpha = "<input>aero/alpha-rad</input>"
     parts = (
         f'<sensor name="late">{alpha}<delay>0.02</delay></sensor>',
@@ -164,9 +156,10 @@ def test_delays_and_play_of_a_model_start_without_jsbsim(tmp_path):
         return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
 
     config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
+    gust = Gust(axis="right", peak=3.0, start=1.3, rise=0.7, hold=0.4)
     condition = FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
 
-    assert differing_at_start(config, condition) == []
+    assert differing_at_start(config, condition, Weather(gust=gust)) == []
 
 
 def later_wind(now, to_local, of=trimming._through_air):
