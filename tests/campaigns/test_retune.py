@@ -379,9 +379,10 @@ def test_what_holds_a_search_is_said_in_one_phrase():
         *(Constraint("range", x) for x in ("NPFG_PERIOD", "FW_T_ALT_TC", "FW_T_PTCH_DAMP")),
     ]
     assert constraints(held) == (
-        "the gain margin of lift; the mean errors of cross track and airspeed; the largest error "
-        "of course; the ranges of NPFG_PERIOD, FW_T_ALT_TC and FW_T_PTCH_DAMP"
+        "the gain margin of lift, the mean errors of cross track and airspeed, the largest error "
+        "of course, and the ranges of NPFG_PERIOD, FW_T_ALT_TC and FW_T_PTCH_DAMP"
     )
+    assert constraints(held[:1]) == "the gain margin of lift"
     assert constraints([]) == ""
 
 

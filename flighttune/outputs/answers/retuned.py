@@ -108,9 +108,10 @@ def constraints(held: Sequence[Constraint]) -> str:
     kinds: dict[str, list[str]] = {}
     for kind, of in held:
         kinds.setdefault(kind, []).append(of)
-    return "; ".join(
+    *first, last = [
         f"the {kind}{'s' * (len(of) > 1)} of {listed(of)}" for kind, of in kinds.items()
-    )
+    ] or [""]
+    return f"{', '.join(first)}, and {last}" if first else last
 
 
 def aircraft(retuned: Retuned) -> str:
