@@ -3,10 +3,13 @@
 from copy import deepcopy
 from itertools import product
 from pathlib import Path
+from xml.etree import ElementTree
 
+import jsbsim
 import numpy as np
 import pandas as pd
 import pytest
+from airframes import fdm_of
 
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
@@ -252,3 +255,16 @@ def test_other_laws_are_flown_by_jsbsim_which_says_so(monkeypatch):
     reason = "laws other than the paper's and the exact one are not compiled"
     assert [run.why_jsbsim for run in flown.runs] == ["", reason]
     assert f"{flown.runs[1].label}: flown by JSBSim itself: {reason}." in flown.answer().notes
+
+
+def test_an_aircraft_reaches_as_far_down_as_its_farthest_contact_is_from_its_centre_of_gravity():
+    """The contacts of the c172p in its file, in inches; the reach is in feet."""
+    file = Path(jsbsim.get_default_root_dir()) / "aircraft/c172p/c172p.xml"
+    places = ElementTree.parse(file).findall("ground_reactions/contact/location")
+    contacts = [[float(place.findtext(axis)) for axis in "xyz"] for place in places]
+    fdm = fdm_of("c172p")
+    fdm.evaluate()
+    cg = [fdm.reader(f"inertia/cg-{axis}-in")() for axis in "xyz"]
+
+    expected = np.linalg.norm(np.array(contacts) - cg, axis=1).max() / 12.0
+    assert aircraft._lowest_reach(fdm) == pytest.approx(expected, rel=1e-9)
