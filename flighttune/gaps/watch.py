@@ -251,4 +251,4 @@ def units_of(models: Sequence[SignalModel], units: Mapping[str, str]) -> dict[st
     return {x.name: RESIDUAL_UNITS.get(x.name) or units.get(x.target, "") for x in models}
 
 
-RESIDUAL_UNITS = {"climb": "1", "power": "1", "speed change": "m/s2"}
+RESIDUAL_UNITS = {"climb": "1", "power": "1", "speed change": "m/s²"}

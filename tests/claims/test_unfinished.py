@@ -1,5 +1,6 @@
 """Counts that are killed and go on: the same file, to the bit, with fewer flights."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -46,12 +47,14 @@ class Seen(ft.CampaignObserver):
         self.said.append(sentence)
 
 
-def killed(out, flown):
-    """A count that is killed after so many flights; the file of those that are kept."""
-    done = subprocess.run([sys.executable, "-c", KILLED, out, str(flown)], check=False)
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """The file of a count that was killed after 9 counted flights; no test changes it."""
+    out = tmp_path_factory.mktemp("killed") / "killed.npz"
+    done = subprocess.run([sys.executable, "-c", KILLED, out, str(BEFORE + 9)], check=False)
     assert done.returncode == -signal.SIGKILL
     assert not out.exists()
-    return out.with_name(f"{out.stem}-unfinished.npz")
+    return out.with_name("killed-unfinished.npz")
 
 
 class Stops(Seen):
@@ -80,11 +83,11 @@ def test_a_stopped_count_names_the_file_with_which_it_goes_on(tmp_path, monkeypa
 
 
 @pytest.mark.slow
-def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(tmp_path):
+def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(left, tmp_path):
     whole, out, seen = tmp_path / "whole.npz", tmp_path / "killed.npz", Seen()
     ft.mission("circuit_in_wind", out=whole, **FEW)
 
-    kept = killed(out, BEFORE + 9)
+    kept = shutil.copy(left, tmp_path / left.name)
     ft.mission("circuit_in_wind", out=out, observer=seen, **FEW)
 
     # kept after 4, 5, ... 9 flights
@@ -101,9 +104,9 @@ def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(tmp_path):
     ("other", "said"),
     [({"seed": 7}, "its flights belong to another count"), (None, "must be a band file")],
 )
-def test_an_unfinished_count_of_other_flights_is_not_gone_on_with(tmp_path, other, said):
+def test_an_unfinished_count_of_other_flights_is_not_gone_on_with(left, tmp_path, other, said):
     out, seen = tmp_path / "killed.npz", Seen()
-    kept = killed(out, BEFORE + 6)
+    kept = shutil.copy(left, tmp_path / left.name)
     if other is None:
         kept.write_bytes(b"damaged")
 
