@@ -42,6 +42,21 @@ def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook
     assert found["PT_s"] == pytest.approx(math.pi / (omega * root), abs=SAMPLING)
 
 
+def test_times_of_an_airspeed_count_from_the_first_change_of_its_reference():
+    damping, omega, at = 0.3, 1.2, 80_000
+    error = np.append(np.zeros(at), second_order(damping, omega)[:-at])
+    run = run_of(
+        np.zeros_like(T), V_err=error, V_ref=25.0 + (error != 0.0), n_x_cmd=0.0, n_x_limited=0.0
+    )
+
+    found = metrics.airspeed_metrics(run)
+
+    root = math.sqrt(1.0 - damping**2)
+    assert found["PT_s"] == pytest.approx(math.pi / (omega * root), abs=SAMPLING)
+    assert found["MO_mps"] == pytest.approx(math.exp(-math.pi * damping / root), abs=1e-6)
+    assert found["rise_s"] < found["PT_s"]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_response_that_overshoots_within_a_sample_is_judged_by_the_side_it_came_from(sign):
     t, error = np.linspace(0.0, 0.4, 5), sign * np.array([1.0, -0.5, -0.25, 0.125, 0.0])

@@ -2,6 +2,7 @@
 
 import math
 import re
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 
@@ -46,6 +47,13 @@ def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
     assert all(" on kinematic and " in sentence for sentence in causes(paper_gap))
     for rung in paper_gap.runs[:-1]:
         assert not {*WIND} & {*rung.signals}  # in still air
+
+
+def test_what_the_steps_do_not_explain_is_the_largest_of_all_differences(paper_gap):
+    moved = copy(paper_gap.whole)
+    moved.gamma = moved.gamma - 0.25
+
+    assert replace(paper_gap, whole=moved).residual == pytest.approx(0.25)
 
 
 @pytest.mark.slow
