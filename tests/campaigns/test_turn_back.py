@@ -93,6 +93,18 @@ def test_the_wind_of_a_turn_follows_from_its_bank_and_rates(turning):
 
 
 @pytest.mark.slow
+def test_the_formula_of_a_route_is_that_of_its_largest_airspeed(turning):
+    """The way of the reaction and the radius of the turn, 30 m/s in both."""
+    turn_back = turning.scenario.turn_back
+    central = SimpleNamespace(airspeeds=(20.0, 30.0, 25.0), flight=SimpleNamespace(g_mps2=G))
+    room = SimpleNamespace(table=turn_back, flights=SimpleNamespace(central=central))
+
+    radius = 30.0**2 / (G * np.tan(np.deg2rad(BANK)))
+    expected = 30.0 * turn_back.reaction_s + radius
+    assert TurnBack._formula.fget(room) == pytest.approx(expected)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""
