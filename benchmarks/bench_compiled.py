@@ -84,7 +84,7 @@ def settling() -> Plan:
     tables = load_scenario("c172_cruise_turn").as_dict()
     tables["plant"] = [table for table in tables["plant"] if table["kind"] == "jsbsim"]
     tables["gains"] = ["tuned"]
-    tables["expect"] = [{"at_most": {"chi": {"settling_s": 20.0}}}]
+    tables["expect"] = [{"at_most": {"gamma": {"ST_deg": 10.0}}}]
     tables["flight"]["duration_s"] = 20.0
     tables["reference"] = {"chi_deg": 40.0, "gamma_deg": 0.0}
     speeds = dispersed("flight.V_a_mps", 48.0, 52.0)
