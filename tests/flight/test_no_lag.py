@@ -11,6 +11,7 @@ from flighttune.campaigns.flying.rows import fly_batch
 from flighttune.control.inner_loop import sampled_loop
 from flighttune.control.law import Trim
 from flighttune.flight.models import gain_set
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants import base
 
 # Sampled at 50 Hz without lag, (z - 1)(z + k) + dt (1 + k) K_P z has a root beyond -1 if
@@ -109,3 +110,12 @@ def test_which_plants_follow_at_once():
     assert not base.follows_at_once(ft.loop.PointMassPlant((lag, lag)))
     assert not base.follows_at_once(ft.loop.LaggedPlant(point, (lag, lag)))
     assert not base.follows_at_once(ft.loop.JSBSimPlant("aerosonde"))
+
+
+def test_a_lag_that_states_no_delay_and_no_damping_has_none():
+    stated = {"roll_lag_rad_s": 3.0, "n_z_lag_rad_s": 4.0, "n_z_delay_s": 0.2, "n_z_damping": 0.7}
+
+    roll, load = PlantTable.model_validate({"kind": "point_mass_lag", **stated}).lags()
+
+    assert (roll.natural_frequency, roll.delay, roll.order) == (3.0, 0.0, 1)
+    assert (load.natural_frequency, load.delay, load.order, load.damping) == (4.0, 0.2, 2, 0.7)
