@@ -64,3 +64,10 @@ def test_a_file_is_no_folder_for_a_frontier(tmp_path):
     _, err = flighttune("tune", "paper", "--frontier", "--out", tmp_path / "f.json", status=2)
 
     assert "f.json: `--out` must be a folder with --frontier" in err
+
+
+@pytest.mark.slow
+def test_the_frontier_of_a_scenario_has_its_gains_and_the_papers():
+    table = ft.frontier("paper", points=2).table
+
+    assert set(table["name"]) == {"frontier", "paper", "tuned", *(f"K{i}" for i in range(1, 7))}
