@@ -308,8 +308,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         check_off_route(counted.about.signals, counted.flights.over)
         file = Path(source) if isinstance(source, str | Path) else written
         flown = _CountedFlights(band=counted)
-    if turn_back is not None and file is not None:
-        _check_beside(file, source, *fences)
+    # What else is counted stands beside the band that is written.
+    near = written or file
+    if turn_back is not None and near is not None:
+        _check_beside(near, source, *fences)
     # Before any flight, this refuses sources that cannot be counted and paths outside the fence.
     turning = None if turn_back is None else counted_flights.turning_back(flown.plan, turn_back)
     areas, fence = _asked_fence(fences, flown.fences, alone=until_sure, turns=turning is not None)
@@ -338,10 +340,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             band.save(written)
         way = flown.way_to_complete(band, first)
         files = {"band": written}
-        odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
+        odds = MissionOdds(band=band, files=files, file=near, terrain=terrain, way=way)
         if turning is not None:
             stage = fliers.at_stage(stages - hours, stages)
-            odds = odds.with_room(_counted_room(turning, flown.place, claim, file, stage))
+            odds = odds.with_room(_counted_room(turning, flown.place, claim, near, stage))
         if declared is not None:
             rate = count_per_hour(
                 flown.plan,
@@ -349,7 +351,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
                 _operational_volume(odds, areas, fence),
                 alarms=alarms,
                 confidence=hourly,
-                unfinished=None if file is None else unfinished_beside(per_hour_beside(file)),
+                unfinished=None if near is None else unfinished_beside(per_hour_beside(near)),
                 fliers=fliers.at_stage(stages, stages),
             )
             odds = odds.with_rate(rate)

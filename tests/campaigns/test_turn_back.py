@@ -543,6 +543,10 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     assert "largest distance from the route" in page
     assert "A line joins" not in page
     assert answer("verify", told["room"])["valid"]
+    old = {file: file.read_bytes() for file in Path().glob("b*") if file.is_file()}
+    steep = ft.mission("b.npz", turn_back=45.0, out="other/c.npz", workers=1)
+    assert {file: file.read_bytes() for file in old} == old
+    assert steep.files["room"] == Path("other/c-turn-back.npz")
     flying = "fly", "paper_as_printed", "--set", "flight.duration_s=1", "--claim", told["room"]
     assert "got a TurnBack" in flighttune(*flying, status=2)[1]
 
