@@ -81,8 +81,8 @@ def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
         pytest.param("DHC6", 1, 3, marks=pytest.mark.slow),
         pytest.param("737", 1, 3, marks=pytest.mark.slow),
         pytest.param("c182", 1, 3, marks=pytest.mark.slow),  # whose engine stops, and is started
-        pytest.param("DHC6", 3, 3, marks=pytest.mark.soak),
-        pytest.param("c182", 3, 3, marks=pytest.mark.soak),
+        pytest.param("DHC6", 3, 3, marks=pytest.mark.counts),
+        pytest.param("c182", 3, 3, marks=pytest.mark.counts),
         pytest.param("aerosonde", 120, 120, marks=pytest.mark.soak),
         pytest.param("x8", 120, 120, marks=pytest.mark.soak),
         pytest.param("a4", 120, 120, marks=pytest.mark.soak),
