@@ -644,7 +644,7 @@ def _against(start: Candidate, best: Candidate, rows: pd.DataFrame) -> list[str]
     old, new = (bounded(errors[name]) for name in (YOURS, TUNED))
     for i, (error, unit) in enumerate(BOUNDED.items()):
         _, surely = larger(errors[TUNED][:, i], errors[YOURS][:, i])
-        # Few draws enlarge the largest error: their number is never sure.
+        # A few draws decide a largest error: how many draws enlarge theirs says nothing of it.
         if (surely or error.kind == LARGEST) and new[i] > (1.0 + GROWTH[i]) * old[i]:
             said.append(
                 f"{error} grows from {old[i]:.3g} to {new[i]:.3g} {unit}, by more than "

@@ -141,15 +141,16 @@ def told(retuned: Retuned) -> str:
 
 def errors(retuned: Retuned) -> str:
     """Mean errors of both with their cost."""
+    both = retuned.start, retuned.best
     parts = [
         f"{name} {old:.3g} | {new:.3g} {unit}"
         for (name, (_, unit)), old, new in zip(
-            WEIGHTS.items(), retuned.start.errors, retuned.best.errors, strict=False
+            WEIGHTS.items(), *(x.errors[: len(WEIGHTS)] for x in both), strict=True
         )
     ]
     weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items() if w)
-    both = f"{retuned.start.cost:.3g} | {retuned.best.cost:.3g}"
-    return f"Root mean squares: {', '.join(parts)}; cost {both}, which is {weights}."
+    cost = " | ".join(f"{x.cost:.3g}" for x in both)
+    return f"Root mean squares: {', '.join(parts)}; cost {cost}, which is {weights}."
 
 
 def margins(retuned: Retuned) -> str:

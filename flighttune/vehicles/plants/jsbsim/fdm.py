@@ -124,7 +124,7 @@ _SETTLED_CHANGE = 1e-10
 # in a second that counts as none, and the time between two readings, s.
 _MAX_SETTLINGS, _STEADY, _LOOK = 5, 1e-9, 0.2
 
-# Height at which an aircraft is loaded whose engine settles, ft.
+# Height at which an aircraft is loaded whose engine settles, ft over the ground of JSBSim.
 _ALOFT = 3000.0
 
 MOTIONS = [
