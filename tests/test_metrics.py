@@ -248,3 +248,149 @@ def test_a_run_of_one_sample_has_no_measures():
     run = run_of(np.cos(T))
 
     assert metrics.measures(dataclasses.replace(run, signals=run.signals.iloc[:1])) == {}
+
+
+@pytest.mark.parametrize(
+    ("subject", "name", "unit"),
+    [
+        ("chi", "ITAE", "rad s^2"), ("gamma", "ITAE_mean", "rad s"), ("chi", "MO_rad", "rad"),
+        ("chi", "effort_rms", "rad"), ("gamma", "effort_rms", "1"), ("V", "effort_rms", "1"),
+        ("V", "ITAE", "m/s s^2"), ("V", "MS_mps", "m/s"), ("V", "PT_s", "s"),
+        ("flight", "n_z_min", "1"), ("flight", "n_z_max", "1"), ("flight", "cross_track_m", "m"),
+        ("flight", "alpha_max_rad", "rad"), ("chi", "error within 2 deg", "1"),
+        ("chi", "settling_s within 5 deg", "s"),
+    ],
+)  # fmt: skip
+def test_a_measure_has_the_unit_of_its_definition(subject, name, unit):
+    assert metrics.unit_of(subject, name) == unit
+
+
+def level_columns(samples, **signals):
+    """Signals of a level flight, a sample a second."""
+    level = dict.fromkeys(("chi_err", "gamma_err", "chi_ref", "gamma_ref"), 0.0)
+    level |= dict.fromkeys(("phi_cmd", "phi_limited", "n_z_limited"), 0.0)
+    level |= {"n_z_cmd": 1.0, "n_z": 1.0, "V_a": 25.0}
+    t = np.arange(float(samples))
+    return t, {name: np.broadcast_to(x, t.shape) * 1.0 for name, x in (level | signals).items()}
+
+
+def test_measures_of_an_airspeed_are_those_by_hand():
+    """2 m/s more are asked for from 2 s on, in a climb of 0.1 rad."""
+    err = [0.0, 0.5, 2.0, 1.0, 0.0, -0.5, -0.2, 0.3, 0.3]
+    t, columns = level_columns(
+        9, gamma_ref=0.1, V_err=err, V_ref=25.0 + 2.0 * (np.arange(9) >= 2), V_a=24.0 - np.abs(err),
+        n_x_cmd=math.sin(0.1) + 0.2, n_x_limited=[0, 0, 2, 1, 0, 0, 0, 0, 0],
+    )  # fmt: skip
+
+    found = metrics.measures_of(t, columns, {})["V"]
+
+    # the trapezoidal rule of t |e|: its ends count half, and the first is zero
+    itae = 0.5 + 4.0 + 3.0 + 2.5 + 1.2 + 2.1 + 2.4 / 2.0
+    assert found == pytest.approx(
+        {
+            "ITAE": itae, "ITAE_mean": itae / 8.0, "MO_mps": 0.5, "PT_s": 3.0,
+            # 90 % of 2 m/s are passed after 0.2 s, 10 % in the second second
+            "rise_s": 1.8 - 0.2, "settling_s": math.nan, "effort_rms": 0.2, "saturation_s": 2.0,
+            "MS_mps": (-0.2 + 0.3 + 0.3) / 3.0, "ST_mps": np.std([-0.2, 0.3, 0.3]),
+            "peak_mps": 2.0, "min_mps": 22.0, "end_error": 0.4 / 3.0, "end_allowed": 0.4,
+        },
+        nan_ok=True,
+    )  # fmt: skip
+
+
+def test_the_end_is_judged_by_the_change_but_along_no_route_and_of_no_steady_airspeed():
+    t, columns = level_columns(
+        5, chi_err=0.01, V_err=0.0, V_ref=25.0, n_x_cmd=0.0, n_x_limited=0.0, gamma_err=-0.3,
+    )  # fmt: skip
+
+    found = metrics.measures_of(t, columns, {})
+    on_route = metrics.measures_of(t, columns | {"cross_track": np.array([0, 1, -7, 2, 0.0])}, {})
+
+    # a fifth of the change, at least a degree; a start beside the reference is a change
+    assert found["chi"]["end_allowed"] == pytest.approx(math.radians(1.0))
+    assert found["chi"]["end_error"] == pytest.approx(0.01)
+    assert found["gamma"]["end_allowed"] == pytest.approx(0.2 * 0.3)
+    assert found["gamma"]["end_error"] == pytest.approx(0.3)
+    assert "end_error" not in found["V"]
+    assert all("end_error" not in measured for measured in on_route.values())
+    assert on_route["flight"]["cross_track_m"] == 7.0
+    assert math.isnan(on_route["gamma"]["settling_s"])
+    assert math.isnan(on_route["chi"]["settling_s"])
+
+
+@pytest.mark.parametrize(
+    ("limited", "command", "unlimited", "held"),
+    [
+        # Of 16 samples the last quarter, from 11.25 s on, has four.
+        ([1, 1, 0, 0], [1, 1, 1, 1], [2, 2, 2, 2], None),
+        ([1, 1, 1, 0], [1, 1, 1, 1], [2, 2, 2, 2], (0.75, 0.0, 0.0)),
+        ([1, 1, 1, 1], [1, 0, 1, 0], [2, -1, 2, -1], (1.0, 0.0, 3.0)),
+        # A rate limit is on the side of the motion, whatever is wanted.
+        ([2, 2, 2, 0], [1, 2, 1, 1], [9, 9, 9, 9], (0.0, 0.75, 1.0)),
+        ([2, 1, 2, 1], [1, 2, 1, 1], [0, 3, 9, 0], (0.5, 0.5, 1.0)),
+        ([2, 2, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1], (0.5, 0.5, 0.0)),  # at rest on neither side
+    ],
+)
+def test_what_holds_a_command_in_the_last_quarter_is_counted(limited, command, unlimited, held):
+    before = [0.0] * 12
+    columns = {
+        "phi_limited": np.array([*before, *limited]),
+        "phi_cmd": np.array([*before, *command]),
+        "phi_unlimited": np.array([*before, *unlimited]),
+    }
+
+    found = metrics.held_at_end(np.arange(16.0), columns, "phi")
+
+    names = "held_magnitude", "held_rate", "swings"
+    wanted = {} if held is None else dict(zip(names, held, strict=True))
+    assert found == wanted | ({"swings_each": held[2] / 4.0} if held else {})
+
+
+def test_shares_at_limits_are_those_of_each_kind_and_are_said():
+    t, columns = level_columns(8, phi_limited=[1, 1, 2, 0, 0, 0, 2, 1], n_z_limited=2.0)
+    run = made_up_run(columns, t)
+
+    found = metrics.at_limits(run)
+
+    # 5.25 s begin the last quarter: two samples
+    assert found["phi"] == {
+        "magnitude": 3 / 8, "rate": 2 / 8, "magnitude_end": 1 / 2, "rate_end": 1 / 2,
+    }  # fmt: skip
+    assert found["n_z"] == {"magnitude": 0.0, "rate": 1.0, "magnitude_end": 0.0, "rate_end": 1.0}
+    assert "n_x" not in found
+    held = {"held_magnitude": 0.25, "held_rate": 0.5, "swings": 3.0}
+    assert metrics.limits_in_words({"chi": held, "gamma": held | {"held_rate": 0.0}, "V": {}}) == [
+        "phi_cmd is at its magnitude limit in 25 % and at its rate limit in 50 % of the last "
+        "quarter",
+        "n_z_cmd is at its magnitude limit in 25 % of the last quarter",
+    ]
+
+
+def test_names_of_measures_that_only_requirements_use_hold_their_band_or_envelope():
+    own = {"chi": {"settling_s": 4.0, "band_deg": 0.5}, "V": {"within": [[0, 3], [4, 1]]}}
+    expect = [
+        {"at_most": own},
+        {"at_least": {"gamma": {"MO_deg": 1.0}}, "at_most": {"chi": {"settling_s": 9.0}}},
+    ]
+
+    names = metrics.required_names(expect)
+
+    assert names["chi"] == ["settling_band_rad", "late_rad", "settling_s within 0.5 deg"]
+    assert names["V"] == ["error within 3 m/s, 1 m/s from 4 s"]
+    assert names["gamma"] == []
+    assert metrics.settling_band("settling_s within 0.5 deg") == pytest.approx(math.radians(0.5))
+    assert metrics.settling_band("settling_s") is None
+    limits = {"settling_s": 4.0, "band_deg": 0.5, "ITAE": 2.0}
+    assert metrics.stated_bounds("chi", limits) == {"settling_s within 0.5 deg": 4.0, "ITAE": 2.0}
+
+
+def test_two_samples_are_enough_for_measures_of_a_run():
+    t, columns = level_columns(2, V_err=0.0, V_ref=25.0, n_x_cmd=0.0, n_x_limited=0.0)
+    run = made_up_run(columns, t)
+
+    channels, flights = metrics.metric_tables([run])
+
+    assert (len(channels), len(flights)) == (2, 1)
+    assert metrics.airspeed_metrics(run)["min_mps"] == 25.0
+    one = dataclasses.replace(run, signals=run.signals.iloc[:1])
+    assert metrics.airspeed_metrics(one) == {}

@@ -1,19 +1,21 @@
 """Navigation: what an estimator leaves unknown, and flights of an autopilot that knows no more."""
 
 import math
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
 from places import ROOT
 from scipy.linalg import solve_discrete_are
+from scipy.signal import welch
 from scipy.spatial import cKDTree
 
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
 from flighttune.flight.loop import loop
 from flighttune.vehicles.navigation_keys import NavigationTable
-from flighttune.vehicles.plants.navigation import ERRORS, GRADES, POSITIVE, axes
+from flighttune.vehicles.plants.navigation import ERRORS, GRADES, POSITIVE, ReceiverFault, axes
 from flighttune.vehicles.plants.sensors import motion_seen
 
 DT, V = 0.02, 25.0
@@ -365,3 +367,91 @@ def test_compiled_errors_have_the_bits_of_numpy_and_scipy(grade):
     for samples, dt in ((1, 0.02), (1203, 0.02), (350, 0.05), (90, 0.25)):
         plain = of.errors(samples, dt, 30.0)
         assert (of.errors(samples, dt, 30.0, compiled) == plain).all()
+
+
+def test_the_page_has_the_numbers_of_the_grades():
+    text = (ROOT / "docs/navigation.md").read_text().partition("## Numbers and sources")[2]
+    rows = [line.split("|")[1:5] for line in text.splitlines() if line.startswith("| `")]
+    written = {}
+    for names, *cells in rows:
+        for place, key in enumerate(re.findall(r"`(\w+)`", names)):
+            name = re.sub("_(deg|mps|m|s)$", "", key)
+            unit = DEG if key.endswith("_deg") or name.startswith("gyro") else 1.0
+            written[name] = [float(cell.split(",")[place]) * unit for cell in cells]
+
+    assert len(written) == 28
+    for name, numbers in written.items():
+        # The page has two digits.
+        assert [GRADES[grade][name] for grade in GRADES] == pytest.approx(numbers, rel=0.02), name
+
+
+ALIASED = 0.03
+"""Relative difference of a sampled process from the continuous one at half a radian a sample."""
+
+
+def test_densities_and_deviations_are_those_of_drawn_errors():
+    """Estimated over 1000 s, of processes that forget within a few seconds."""
+    n, segment = 50_000, 4096
+    quick = {name: 2.0 for name in GRADES["standard"] if name.endswith("time_constant")}
+    quick |= {"position_sd": 0.2, "height_sd": 0.2, "filter_velocity": 0.1, "filter_climb": 0.2}
+    of = standard(seed=3, gyro_walk=1e-3, **quick)
+    drawn = dict(zip(ERRORS, of.errors(n, DT, V).T, strict=True))
+    seen = {
+        "chi": drawn["v_east"] / V, "gamma": drawn["v_up"] / V, "V_a": drawn["V_a"] / V,
+        "phi": drawn["phi"], "n_z": drawn["n_z"],
+    }  # fmt: skip
+
+    f, spectra = welch(np.array([*seen.values()]), fs=1.0 / DT, nperseg=segment)
+    omega = math.tau * f
+    densities = of.densities(omega, DT, V)
+
+    assert densities.keys() == seen.keys()
+    for low, high in ((0.5, 2.0), (2.0, 6.0), (6.0, 25.0)):
+        band = (low <= omega) & (omega < high)
+        sure = 5.0 / math.sqrt(2 * n // segment * np.count_nonzero(band))
+        for name, spectrum in zip(seen, spectra / math.tau, strict=True):
+            ratio = np.mean(spectrum[band] / densities[name][band])
+            assert ratio == pytest.approx(1.0, abs=ALIASED + sure), (name, low)
+
+    every = round(of.period / DT)
+    before_fix = np.std([drawn["v_east"], drawn["v_up"]], axis=1, where=np.arange(n) % every == 9)
+    across, up, airspeed = of.path_sd(DT, V)
+    assert [across * V, up * V] == pytest.approx(before_fix, rel=0.15)  # of some 200 values each
+    assert airspeed == pytest.approx(math.hypot(0.02, 0.3 / V, 0.2 / V))
+
+
+def test_the_constant_parts_of_errors_have_their_deviations():
+    """Everything else is zero: load factors, roll, airspeed and height err by constants."""
+    biases = {"roll_bias_sd": 0.02, "n_z_bias_sd": 0.05, "airspeed_scale_sd": 0.04}
+    only = ZERO | biases | {"height_of_q": 0.1}
+    drawn = np.array([standard(seed=i, **only).errors(3, DT, V) for i in range(24)])
+
+    assert np.ptp(drawn, axis=1) == pytest.approx(0.0, abs=SMALL)
+    sd = dict(zip(ERRORS, np.sqrt(np.mean(drawn[:, 0] ** 2, axis=0)), strict=True))
+    # A pressure of rho V^2 / 2 is one of V^2 / (2 g) of height.
+    wanted = {"phi": 0.02, "n_z": 0.05, "acceleration": 0.05 * G, "V_a": 0.04 * V}
+    wanted |= {"h": 0.1 * V * V / (2.0 * G)}
+    four_sigma = 4.0 / math.sqrt(2.0 * len(drawn))
+    assert sd == pytest.approx(dict.fromkeys(ERRORS, 0.0) | wanted, rel=four_sigma, abs=SMALL)
+    columns = [ERRORS.index(name) for name in ("phi", "V_a", "h")]
+    twice_as_fast = standard(seed=0, **only).errors(1, DT, 2.0 * V)[0, columns]
+    assert twice_as_fast == pytest.approx(drawn[0, 0, columns] * [1.0, 2.0, 4.0], rel=SMALL)
+
+
+def test_a_failing_receiver_errs_by_its_jump_and_drift_from_its_time_on():
+    exact = standard(seed=2)
+    fault = ReceiverFault(start=0.06, course=math.radians(150.0), jump=40.0, drift=2.0)
+
+    failed = standard(seed=2, fault=fault).errors(6, DT, V) - exact.errors(6, DT, V)
+
+    size = np.array([0.0, 0.0, 0.0, 40.0, 40.0 + 2.0 * 0.02, 40.0 + 2.0 * 0.04])
+    north, east = (ERRORS.index(name) for name in ("north", "east"))
+    assert failed[:, north] == pytest.approx(-size * math.sqrt(0.75), abs=SMALL)
+    assert failed[:, east] == pytest.approx(0.5 * size, abs=SMALL)
+    assert not np.delete(failed, (north, east), axis=1).any()
+
+
+def test_the_estimated_wind_lags_by_a_share_of_each_sample():
+    """A first-order lag of 10 s sampled at 0.02 s, by the backward rule."""
+    assert standard().wind_share(DT) == pytest.approx(0.02 / 10.02)
+    assert standard(wind_lag=0.0).wind_share(DT) == 1.0
