@@ -1,5 +1,7 @@
 """Slopes of flights against central differences of flights by JSBSim."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from flighttune.base.files.code import JSBSIM
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.gradient import _measured, _value, _with
 from flighttune.flight.load import chosen_entry
-from flighttune.flight.loop.duals import Dual, Rows
+from flighttune.flight.loop import duals
 
 # Five digits, and by how much differences of these widths differ among themselves: narrow ones are
 # noise, as JSBSim keeps positions at 2e9 ft, and in wide ones a limit is met at another sample.
@@ -138,9 +140,9 @@ def test_what_has_no_slope_is_refused(case):
 
 
 def test_a_value_that_is_set_is_that_of_the_rows_of_all_slopes():
-    array = Rows(np.array([1.0, 2.0]), np.array([[1.0, 0.0], [0.0, 1.0], [3.0, 4.0]]))
+    array = duals.Rows(np.array([1.0, 2.0]), np.array([[1.0, 0.0], [0.0, 1.0], [3.0, 4.0]]))
 
-    array[1] = Dual(7.0, np.array([5.0, 6.0, 8.0]))
+    array[1] = duals.Dual(7.0, np.array([5.0, 6.0, 8.0]))
     array.share()
 
     assert array.rows.tolist() == [[1.0, 7.0, 1.0, 5.0], [1.0, 7.0, 0.0, 6.0], [1.0, 7.0, 3.0, 8.0]]
@@ -160,3 +162,75 @@ def test_the_answer_has_a_table_for_each_measure():
 
     assert [len(table.records) for table in answer.tables] == [2, 2]
     assert answer.values["values"].keys() == set(measures)
+
+
+STEP = 1e-6
+TRUNCATED = 1e-8
+"""Error of central differences over that step, of functions whose third derivatives are about 1."""
+
+# Functions of two numbers as laws use them, and places on each of their branches.
+FORMULAS = [
+    (lambda m, x, y: 3.0 * x - y / 2.0 + (1.0 - x) * y - (y - 4.0) + 2.0 + x, (0.3, -1.2)),
+    (lambda m, x, y: x / y + 2.0 / y - x * y / 5.0, (0.3, -1.2)),
+    (lambda m, x, y: abs(x) + abs(y) * abs(-y), (0.3, -1.2)),
+    (lambda m, x, y: x % 2.0 + (-y) % m.tau, (5.3, 1.2)),
+    (lambda m, x, y: m.sin(x) * m.cos(y) + m.tan(x) - m.atan(y), (0.3, -1.2)),
+    (lambda m, x, y: m.asin(x) + m.acos(y) * m.sqrt(x), (0.3, -0.6)),
+    (lambda m, x, y: m.atan2(y, x) + m.atan2(x, 2.0) - m.atan2(3.0, y), (0.3, -1.2)),
+    (lambda m, x, y: m.copysign(x, y) + m.copysign(y, x) * x + m.copysign(2.0, y), (0.3, -1.2)),
+    (lambda m, x, y: x * x if x < y else y * x, (0.3, -1.2)),
+    (lambda m, x, y: -x * 2.0 if y <= x else y, (0.3, -1.2)),
+]
+
+
+@pytest.mark.parametrize(("formula", "at"), FORMULAS)
+def test_a_dual_has_the_value_and_the_slopes_of_its_formula(formula, at):
+    x, y = (duals.Dual(value, row) for value, row in zip(at, np.eye(2), strict=True))
+
+    found = formula(duals._MATH, x, y)
+
+    def value(a, b):
+        return formula(math, a, b)
+
+    assert found.x == value(*at)
+    (a, b) = at
+    slopes = [
+        (value(a + STEP, b) - value(a - STEP, b)) / (2.0 * STEP),
+        (value(a, b + STEP) - value(a, b - STEP)) / (2.0 * STEP),
+    ]
+    assert found.d == pytest.approx(slopes, abs=TRUNCATED)
+
+
+def test_a_dual_is_compared_by_its_number_and_has_no_slope_where_there_is_none():
+    low, high, same = (duals.Dual(x, np.array([1.0])) for x in (-2.5, 3.0, 3.0))
+
+    assert [low < high, low <= 3.0, high >= same, high > -1.0, high == same, high <= 3] == [
+        True
+    ] * 6
+    assert [low >= high, high < same, high > 3.0, low == -2.0, high <= low] == [False] * 5
+    assert (int(low), bool(low), bool(low - low)) == (-2, True, False)
+    of = duals._MATH
+    ends = [of.asin(x).d[0] for x in (duals.Dual(1.0, low.d), duals.Dual(-1.0, low.d))]
+    ends += [of.acos(duals.Dual(1.0, low.d)).d[0], of.sqrt(duals.Dual(0.0, low.d)).d[0]]
+    assert ends == [0.0] * 4
+    assert of.atan2(duals.Dual(0.0, low.d), duals.Dual(0.0, low.d)).d[0] == 0.0
+    assert (of.atan2(1.0, 1.0), of.sin(0.5)) == (math.pi / 4.0, math.sin(0.5))
+    assert [of.isnan(x) for x in (duals.Dual(math.nan, low.d), low, math.nan)] == [
+        True,
+        False,
+        True,
+    ]
+    assert [of.isfinite(x) for x in (duals.Dual(math.inf, low.d), low)] == [False, True]
+
+
+def test_an_element_of_an_array_of_duals_keeps_its_slopes_and_a_part_shares_them():
+    array = duals.DualArray(np.arange(6.0).reshape(2, 3), np.arange(12.0).reshape(2, 2, 3))
+
+    taken, row = array[1, 2], array[1]
+    array[1, 2] = duals.Dual(9.0, np.array([7.0, 8.0]))
+    array[0, 1] = 4.0
+
+    assert (taken.x, taken.d.tolist()) == (5.0, [5.0, 11.0])
+    assert (row.values.tolist(), row.slopes.tolist()) == ([3, 4, 9], [[3, 4, 7], [9, 10, 8]])
+    assert array.slopes[:, 0, 1].tolist() == [0.0, 0.0]
+    assert (len(array), len(row), row[2].x) == (2, 3, 9.0)

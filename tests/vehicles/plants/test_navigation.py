@@ -449,6 +449,9 @@ def test_a_failing_receiver_errs_by_its_jump_and_drift_from_its_time_on():
     assert failed[:, north] == pytest.approx(-size * math.sqrt(0.75), abs=SMALL)
     assert failed[:, east] == pytest.approx(0.5 * size, abs=SMALL)
     assert not np.delete(failed, (north, east), axis=1).any()
+    only = {"jump": 3.0}, {"drift": 2.0}
+    jumps, drifts = (ReceiverFault(start=0.0, course=0.0, **size) for size in only)
+    assert [x.errors(2, 0.5)[0].tolist() for x in (jumps, drifts)] == [[3.0, 3.0], [0.0, 1.0]]
 
 
 def test_the_estimated_wind_lags_by_a_share_of_each_sample():
