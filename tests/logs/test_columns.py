@@ -1,11 +1,12 @@
 """Errors of columns are said with what mends them, or why they cannot be told."""
 
+import math
 import re
 
 import numpy as np
 import pytest
 from fuzzing import slow
-from log_columns import ERRORS, RIGHT, outer_loop, sampled
+from log_columns import ERRORS, RIGHT, STEP, G, axes_of, outer_loop, sampled
 from log_files import heavy_cessna
 from scipy import constants
 
@@ -263,3 +264,404 @@ def test_without_a_velocity_the_load_factor_is_that_which_carries_the_weight(the
     lift = _lift(Motion({**given, "V_a": np.full(50, 25.0)}, 0.1))
 
     assert lift == pytest.approx(np.full(50, load))
+
+
+@pytest.fixture(scope="module")
+def agreeing():
+    """Columns at 10 Hz of a flight in wind, all of them right by construction."""
+    wind = np.array([7.0, -6.5, 0.0])
+    fine = outer_loop(60.0, wind=wind, seed=2)
+    over = np.column_stack([fine[f"v_{axis}"] for axis in ("north", "east", "down")])
+    force = np.gradient(over, STEP, axis=0) - [0.0, 0.0, G]
+    body = np.einsum("nij,ni->nj", axes_of(fine["phi"], fine["theta"], fine["psi"]), force)
+    fine |= {
+        "f_x": body[:, 0], "f_y": body[:, 1], "down": -fine["h"],
+        "V_g": np.hypot(over[:, 0], over[:, 1]), "chi": np.arctan2(over[:, 1], over[:, 0]),
+        "wind_north": 0.0 * over[:, 0] + wind[0], "wind_east": 0.0 * over[:, 0] + wind[1],
+        "height_err": 500.0 - fine["h"], "theta_cmd": fine["theta"],
+    }  # fmt: skip
+    return {name: column[::10].copy() for name, column in fine.items() if name != "t_s"}
+
+
+def right(name, others):
+    """Ratio, its tolerance and the delay (s) of a relation of a flight without errors."""
+    delay = {"phi_cmd": -0.25, "n_z_cmd": -0.2}.get(name, 0.0)  # of lags of 4 and 5 rad/s
+    # Nose and path, roll and its command are alike, but not the same.
+    loose = name in ("p", "psi", "theta", "V_err", "phi_cmd") or others in (
+        "the load factor",
+        "the wind that nose and course show",
+    )
+    return 1.0, 0.15 if loose else 0.01, 0.0 if others == "path and roll" else delay
+
+
+@pytest.mark.parametrize("k", range(len(relations.RELATIONS)))
+def test_every_relation_holds_in_a_flight_that_obeys_the_laws_of_motion(agreeing, k):
+    relation = relations.RELATIONS[k]
+
+    match = checks._match(relation, Motion(agreeing, 0.1))
+
+    if relation.name == "f_y":  # no side force acts
+        assert match.why == "the flight shows too little of path and attitude"
+        return
+    ratio, tolerance, delay = right(relation.name, relation.others)
+    assert match.status == "agrees"
+    assert match.ratio == pytest.approx(ratio, abs=tolerance)
+    slack = 0.3 if relation.name == "psi" else 0.06  # a nose leads its path, and is not it
+    assert match.lag == pytest.approx(delay, abs=slack)
+    assert relation.name in match.used
+
+
+def test_of_a_right_log_every_column_is_vouched_for(agreeing):
+    verdicts = checks.judged(agreeing, 0.1)
+
+    agree, rest = verdicts.notes
+    assert (verdicts.wrong, verdicts.columns) == ([], set())
+    assert rest == "f_y cannot be checked: the flight shows too little of path and attitude."
+    for said in (
+        "p, q and r with the changes of attitude;",
+        "v_north, v_east, north, east, V_g and chi with the path;",
+        "v_down, h, down and height_err with the vertical speed;",
+        "wind_north and wind_east with the wind that speeds and nose show;",
+        "n_z and n_z_cmd with path and roll;",
+    ):
+        assert said in agree
+    assert {*re.findall(r"\w+", agree)} >= {*agreeing} - {"f_y"}
+
+
+def late(seconds):
+    """A column at 10 Hz that comes so much later."""
+    return lambda x: np.interp(np.arange(len(x)) - 10.0 * seconds, np.arange(len(x)), x)
+
+
+@pytest.mark.parametrize(
+    ("there", "name", "change", "says"),
+    [
+        (
+            "V_a h v_down", "h", lambda x: x / 0.3048,
+            "the slope of h is 3.28 times the value from the vertical speed: "
+            "a factor of 0.3048 would do (ft read as m)",
+        ),
+        (
+            "V_a h v_down", "v_down", lambda x: x / 0.514444,
+            "the slope of h is 0.514 times the value from the vertical speed: "
+            "a factor of 0.5144 would do (kn read as m/s) to v_down",
+        ),
+        (
+            "V_a h v_down", "h", late(3.0),
+            "the slope of h comes 3.0 s after the vertical speed: a shift by -3.0 s would do",
+        ),
+        (
+            "V_a h v_down", "h", lambda x: 0.0 * x,
+            "the slope of h does not change with the vertical speed (correlation 0.00): "
+            "h or v_down is something else, and no factor, shift or exchange mends it",
+        ),
+        (
+            "v_north v_east V_g", "V_g", lambda x: 3.6 * x,
+            "V_g is 3.6 times the value from the velocities: "
+            "a factor of 0.2778 would do (km/h read as m/s)",
+        ),
+        (
+            "v_north v_east chi", "chi", lambda x: x - np.radians(20.0),
+            "chi is -20.0 deg off that of the velocities all along: magnetic, or axes that are "
+            "turned; a change by +20.0 deg would do",
+        ),
+        (
+            "V_a height_err v_down", "height_err", lambda x: -x,
+            "height_err is -0.999 times the value from the vertical speed: a factor of -1 would "
+            "do (its sign is turned)",
+        ),
+    ],
+)  # fmt: skip
+def test_one_wrong_column_of_a_few_is_said_with_its_cure(agreeing, there, name, change, says):
+    given = {x: agreeing[x] for x in ("phi", *there.split())}
+
+    wrong = checks.judged(given | {name: change(given[name])}, 0.1)
+
+    assert wrong.wrong == [says]
+    assert name in wrong.columns
+
+
+def test_a_large_error_of_height_in_feet_is_a_note_and_rates_of_zero_are_not_measured(agreeing):
+    given = {x: agreeing[x] for x in ("phi", "V_a", "height_err", "v_down")}
+
+    verdicts = checks.judged(
+        given | {"height_err": given["height_err"] / 0.3048, "q": 0.0 * given["phi"]}, 0.1
+    )
+
+    assert verdicts.wrong == []
+    assert verdicts.notes[:2] == [
+        "q is 0 throughout: it is taken as not measured",
+        "height_err is 3.28 times the value from the vertical speed: a factor of 0.3048 would do "
+        "(ft read as m)",
+    ]
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.1, True), (1.05, False), (0.9, True)])
+def test_a_clock_is_wrong_where_all_rates_are_off_by_one_factor(agreeing, factor, said):
+    names = [
+        "phi",
+        "theta",
+        "psi",
+        "p",
+        "q",
+        "r",
+        "v_north",
+        "v_east",
+        "v_down",
+        "north",
+        "east",
+        "h",
+    ]
+
+    verdicts = checks.judged({x: agreeing[x] for x in names}, 0.1 * factor)
+
+    numbers = r"all ([\d.]+) times the changes by this clock: a factor of ([\d.]+) would do"
+    found = [re.search(f"^t: rates and speeds are {numbers}", line) for line in verdicts.wrong]
+    times = [[float(x) for x in match.groups()] for match in found]
+    assert times == [[pytest.approx(x, rel=5e-3) for x in (factor, 1.0 / factor)]] * said
+    assert verdicts.columns == ({"t"} if said else set())
+
+
+def noise(seed, n=1200):
+    """Smooth noise of mean 0 and rms 1 at 10 Hz, shape (n, 1)."""
+    rows = np.convolve(np.random.default_rng(seed).standard_normal(n + 40), np.hanning(41), "valid")
+    return ((rows - rows.mean()) / rows.std())[:n, None]
+
+
+A, B = noise(1), noise(2)
+B -= A * np.mean(A * B) / np.mean(A * A)
+
+
+def relation_of(about="changes", rests_on="motion", **options):
+    return relations.Relation(
+        "x", (), lambda _: "", "the others", (0.7, 1.4), 0.3, rests_on, about, **options
+    )
+
+
+def turned(by):
+    """A velocity that turns, and the same turned clockwise."""
+    angle = 0.02 * np.arange(1200.0)
+    return tuple(20.0 * np.column_stack([np.cos(x), np.sin(x)]) for x in (angle + by, angle))
+
+
+@pytest.mark.parametrize(
+    ("relation", "column", "other", "expected"),
+    [
+        (relation_of(), A, A, ("agrees", 1.0, 0.0)),
+        (relation_of(), 1.39 * A, A + 5.0, ("agrees", 1.39, 0.0)),
+        (relation_of(), 1.41 * A, A, ("contradicts", 1.41, 0.0)),
+        (relation_of(), -A, A, ("contradicts", -1.0, 0.0)),
+        (relation_of(), np.roll(A, 8), A, ("agrees", 1.0, 0.8)),
+        (relation_of(), np.roll(A, 25), A, ("contradicts", 1.0, 2.5)),
+        (relation_of(lag=(-3.0, 3.0)), np.roll(A, 25), A, ("agrees", 1.0, 2.5)),
+        (relation_of(), 0.5 * A + B, A, ("unlike", 1.118, 0.0)),
+        (relation_of(rests_on="loop"), 0.5 * A + B, A, ("cannot tell", 1.118, 0.0)),
+        (relation_of(rests_on="flight"), 1.2 * A + B, A, ("cannot tell", 1.562, 0.0)),
+        (relation_of(rests_on="flight"), 2.0 * A + B, A, ("contradicts", 2.236, 0.0)),
+        (relation_of(), 0.0 * A, A, ("unlike", 0.0, math.nan)),
+        (relation_of(), A, 0.29 * A, ("cannot tell", math.nan, math.nan)),
+        (relation_of("values"), 2.0 * A + 20.0, A + 10.0, ("contradicts", 2.0, 0.0)),
+        (relation_of("values"), A + 10.0, B + 10.0, ("agrees", 1.0, 0.0)),
+        (relation_of("values", turned=0.2), *turned(0.19), ("agrees", 1.0, 0.0)),
+        (relation_of("values", turned=0.2), *turned(-0.21), ("contradicts", 1.0, 0.0)),
+        (relation_of(), A[:99], A[:99], ("cannot tell", math.nan, math.nan)),
+    ],
+)
+def test_two_columns_are_judged_by_likeness_time_and_ratio(relation, column, other, expected):
+    match = checks._judged(relation, column, other, 0.1)
+
+    status, ratio, lag = expected
+    assert match.status == status
+    assert match.ratio == pytest.approx(ratio, rel=0.02, nan_ok=True)
+    if status != "unlike" and column.shape[1] == 1 and relation.about == "changes":
+        assert match.lag == pytest.approx(lag, abs=0.15, nan_ok=True)
+
+
+def test_a_vector_is_turned_by_the_angle_to_the_others():
+    for by in (0.3, -0.3):
+        match = checks._judged(relation_of("values", turned=0.2), *turned(by), 0.1)
+        assert match.turned == pytest.approx(by, abs=1e-9)
+
+
+@pytest.mark.parametrize("centred", [True, False])
+def test_correlations_at_all_delays_are_those_of_the_samples_that_both_have(centred):
+    rng = np.random.default_rng(3)
+    column, other = (5.0 + rng.standard_normal((200, 2)) for _ in range(2))
+    column[40:60], other[100:110] = np.nan, np.nan
+
+    lags, alike, ratios = checks._over_lags(column, other, 0.1, centred=centred)
+
+    assert lags == pytest.approx(0.1 * np.arange(-50, 51))  # 5 s
+    # Axes are centred by their means of all samples and by those of both.
+    for k, shift in ((0, -50), (50, 0), (57, 7), (100, 50)):
+        a = column[max(shift, 0) : 200 + min(shift, 0)]
+        b = other[max(-shift, 0) : 200 - max(shift, 0)]
+        both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+        a, b = a[both], b[both]
+        if centred:
+            a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+        ab, aa, bb = (np.sum(x) for x in (a * b, a * a, b * b))
+        assert alike[k] == pytest.approx(ab / math.sqrt(aa * bb), abs=1e-9)
+        ratio = math.copysign(math.sqrt(aa / bb), ab) if centred else ab / bb
+        assert ratios[k] == pytest.approx(ratio, rel=1e-9)
+
+
+def test_delays_with_less_than_ten_seconds_of_both_columns_do_not_count():
+    column = np.full((300, 1), np.nan)
+    column[:120] = A[:120]
+
+    lags, alike, _ = checks._over_lags(column, A[:300], 0.1, centred=True)
+
+    far = lags > 2.0 + 1e-9  # of 120 samples fewer than 100 are left
+    assert (alike[far] == 0.0).all()
+    assert (alike[~far] != 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("score", "k", "beyond"),
+    [
+        ([1.0 - (x - 0.3) ** 2 for x in (-1, 0, 1)], 1, 0.3),
+        ([1.0 - (x + 0.2) ** 2 for x in (-1, 0, 1)], 1, -0.2),
+        ([1.0, 1.1, 1.5], 1, 0.0),  # no maximum
+        ([1.0, 0.9, 0.8], 0, 0.0),
+        ([0.8, 0.9, 1.0], 2, 0.0),
+        ([0.0, 1.0, 1.9], 1, 0.5),
+    ],
+)
+def test_a_maximum_lies_at_the_vertex_of_the_parabola_through_three_samples(score, k, beyond):
+    assert checks._beyond(np.array(score), k) == pytest.approx(beyond)
+
+
+@pytest.mark.parametrize(
+    ("kind", "ratio", "factor", "words"),
+    [
+        ("speed", 1.0 / 0.514444, 0.514444, "kn read as m/s"),
+        ("speed", -0.514444, 1.0 / 0.514444, "m/s read as kn"),
+        ("angle", 50.0, constants.degree, "deg read as rad"),  # 14 % from 57.3
+        ("angle", 48.0, 1.0 / 48.0, ""),
+        ("load", 9.80665, 1.0 / 9.80665, "m/s2 read as g"),
+        ("load", 32.174, constants.foot / 9.80665, "ft/s2 read as g"),
+        ("force", 0.102, 9.80665, "g read as m/s2"),
+        ("length", 0.3048, 1.0 / 0.3048, "m read as ft"),
+        ("place", 2.0, 0.5, ""),
+    ],
+)
+def test_a_ratio_near_a_known_mistake_has_its_factor_and_another_its_own(
+    kind, ratio, factor, words
+):
+    found, said = checks._factor(kind, ratio)
+
+    assert found == pytest.approx(factor, rel=1e-5)
+    assert said == words
+
+
+def test_changes_of_columns_do_what_they_say():
+    x, y = np.arange(5.0), np.array([0.0, 3.0, -3.0, 1.0, 2.0])
+    given = {"h": x, "psi": y, "n_z": x, "f_z": x, "phi": y, "theta": 0.1 * y}
+
+    def of(change, name="h"):
+        return change(given)[name].tolist()
+
+    nan = pytest.approx(math.nan, nan_ok=True)
+    assert of(checks._scaled(["h"], 2.0)) == [0.0, 2.0, 4.0, 6.0, 8.0]
+    assert of(checks._moved(["h"], 2)) == [nan, nan, 0.0, 1.0, 2.0]
+    assert of(checks._moved(["h"], -1)) == [1.0, 2.0, 3.0, 4.0, nan]
+    assert of(checks._moved(["h"], 0)) == x.tolist()
+    exchanged = checks._exchanged("h", "psi")
+    assert (of(exchanged), of(exchanged, "psi")) == (y.tolist(), x.tolist())
+    assert np.exp(1j * np.array(of(checks._turned("psi", 1.0), "psi"))) == pytest.approx(
+        np.exp(1j * (y + 1.0))
+    )
+    assert np.abs(of(checks._turned("psi", 1.0), "psi")).max() <= math.pi
+    up = np.cos(y) * np.cos(0.1 * y)
+    for along, size in ((False, 1.0), (True, up)):
+        gravity = (checks._with_gravity(name, along=along) for name in ("n_z", "f_z"))
+        n_z, f_z = (of(change, name) for change, name in zip(gravity, ("n_z", "f_z"), strict=True))
+        assert n_z == pytest.approx(x + size)
+        assert f_z == pytest.approx(x - 9.80665 * size)
+    assert "h" not in checks._without("h")(given)
+    assert of(checks._without("phi"), "phi") == [nan] * 5
+
+
+@pytest.mark.parametrize(("dt", "step"), [(0.1, 1), (0.02, 5), (0.04, 2), (0.2, 1)])
+def test_columns_are_compared_at_means_over_a_tenth_of_a_second(dt, step):
+    phi = np.where(np.arange(23) % 2, 3.1, -3.1)
+    given = {"h": np.arange(23.0), "phi": phi}
+
+    means, at = checks.coarse(given, dt)
+
+    n = 23 // step
+    assert at == pytest.approx(step * dt)
+    assert means["h"] == pytest.approx(step * np.arange(n) + 0.5 * (step - 1))
+    assert np.cos(means["phi"]).max() < -0.99  # between 3.1 and -3.1 rad, not at 0
+
+
+def test_a_long_log_is_compared_at_20_000_samples():
+    given = {"phi": np.zeros(60_001)}
+
+    means, at = checks.coarse(given, 0.1)
+
+    assert (len(means["phi"]), at) == (15_000, pytest.approx(0.4))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "says"),
+    [
+        ("phi", [0.0, 3.17] * 9, ""),
+        ("phi", [0.0, 12.0] * 9, "phi goes up to 12 rad: a factor of 0.01745 would do"),
+        ("phi", [12.0], ""),
+        ("phi", [*[1.0] * 500, 12.0], ""),  # one in 500 is noise
+        ("theta", [0.0, 1.6] * 9, "theta goes up to 1.6 rad"),
+        ("theta", [0.0, 1.57] * 9, ""),
+        ("lat", [47.0] * 9, "lat goes up to 47 rad"),
+        ("chi", np.linspace(0.0, 59.0, 99), ""),  # nine turns
+        ("chi", np.linspace(300.0, 359.0, 99), "chi goes up to 358 rad"),
+        ("chi", [*[1.0] * 9, *[230.0] * 9], "chi goes up to 230 rad"),
+        ("psi", [math.nan, 6.3, math.nan, 6.3], ""),
+        ("h", [500.0] * 9, ""),
+    ],
+)  # fmt: skip
+def test_angles_beyond_their_range_look_like_degrees(name, values, says):
+    said = checks.degrees_as_radians({name: (np.arange(len(values)), np.array(values, float))})
+
+    assert list(said) == ([name] if says else [])
+    assert all(line.startswith(says) and "(deg read as rad)" in line for line in said.values())
+
+
+def test_signals_of_a_log_begin_at_its_first_place_and_have_their_errors():
+    t = 0.1 * np.arange(50)
+    raw = {"phi": 0.0 * t, "east": 0.0 * t + 7.0, "h": 300.0 + t, "chi_ref": 0.0 * t - 3.0}
+    raw["north"] = np.where(t < 0.15, np.nan, 100.0 + 20.0 * t)
+    raw |= {"v_north": -20.0 + 0.0 * t, "v_east": 1e-9 + 0.0 * t}
+
+    values, notes, wrong = checks.checked(raw, t, {"theta": "theta is in degrees"})
+
+    assert values["north"][2:] == pytest.approx(20.0 * (t[2:] - 0.2))
+    assert values["east"] == pytest.approx(0.0 * t)
+    assert values["down"] == pytest.approx(-t)
+    # from a course of pi to one of -3 rad
+    assert values["chi_err"] == pytest.approx(np.full(50, math.pi - 3.0), abs=1e-6)
+    assert notes[-1] == "No column can be checked: the log lasts less than 10 s."
+    assert wrong == ["theta is in degrees"]
+
+
+@pytest.mark.parametrize(
+    ("signals", "vehicle", "says"),
+    [
+        ({"V_g": [4.9], "V_a": [9.0], "phi_cmd": [0.0]}, "", "a speed of at most 4.9 m/s"),
+        ({"V_g": [5.0], "V_a": [1.0]}, "", ""),
+        ({"V_a": [math.nan, 4.0]}, "", "a speed of at most 4 m/s"),
+        ({"V_g": [20.0], "V_a": [20.0]}, "type 1 of PX4", "a vehicle without wings"),
+        ({"V_g": [20.0], "V_a": [20.0]}, "type 1", ""),
+        ({"V_g": [20.0]}, "type 13", "(type 13), no airspeed, no roll commands."),
+        ({"phi": [0.0]}, "", "got no airspeed, no roll commands, no ground speed."),
+        ({"phi_cmd": [0.0]}, "", ""),
+    ],
+)
+def test_a_log_is_of_an_aeroplane_that_flew(signals, vehicle, says):
+    signals = {name: np.array(values) for name, values in signals.items()}
+    if not says:
+        checks.check_flight("a log", signals, vehicle)
+        return
+    with pytest.raises(ft.RecordingError, match=re.escape(says)):
+        checks.check_flight("a log", signals, vehicle)
