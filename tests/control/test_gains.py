@@ -157,3 +157,20 @@ def test_limits_that_hold_together_are_the_narrower_of_each():
     assert both.rate_lower.tolist() == [-1.0, -1.0]
     assert both.rate_upper.tolist() == [1.0, 0.1]
     assert wide.within(ft.loop.Limits.none(2)).upper.tolist() == wide.upper.tolist()
+
+
+def test_the_weight_along_the_path_is_a_gain_of_one_g_of_the_papers_law():
+    """``V' = g (n_x - sin(gamma))``: its n_x has sin(gamma_ref), the exact law's sin(gamma)."""
+    K = np.arange(1.0, 19.0).reshape(2, 3, 3)
+    gains = ft.PIGains.from_lists(*K.tolist(), law="paper")
+
+    rates = ft.loop.rate_gains(gains, V_a=20.0, g=9.0)
+
+    weight = np.zeros((3, 3))
+    weight[2, 1] = 1.0
+    assert rates.inputs == ("chi_dot", "gamma_dot", "V_dot")
+    assert rates.K_P == pytest.approx(0.45 * (K[0] + weight))
+    assert rates.K_I == pytest.approx(0.45 * K[1])
+    assert ft.loop.command_gains(rates, V_a=20.0, g=9.0).K_P == pytest.approx(K[0])
+    with pytest.raises(ft.InputError, match="`g` must be positive"):
+        ft.loop.rate_gains(gains, V_a=20.0, g=0.0)

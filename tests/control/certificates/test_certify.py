@@ -16,9 +16,10 @@ from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.base.files.table import tables_of, value_of
+from flighttune.control.certificates import certificate as certificates
 from flighttune.control.certificates.certificate import law_gravity
 from flighttune.control.certificates.make import certify_model
-from flighttune.control.linear_model import Envelope
+from flighttune.control.linear_model import Envelope, JacobianHull, entry_model
 from flighttune.control.tuning.envelope import largest_factor
 
 G = 9.81
@@ -324,3 +325,126 @@ def test_models_have_the_gravity_of_the_law_at_their_own_speeds_and_angles_or_no
     assert law_gravity(conditions[:1], [replace(at[0], B=0.0 * at[0].B)]) is None
     assert law_gravity(conditions[:1], [replace(at[0], B=-at[0].B)]) is None
     assert law_gravity([(25.0, np.pi / 2)], at[:1]) is None
+
+
+@pytest.mark.parametrize("phi", [(-0.3, 0.5), (0.0, 0.5), (-0.5, 0.0), (0.1, 0.5), (-0.5, -0.1)])
+@pytest.mark.parametrize("n_z", [(0.8, 1.3), (-0.4, 1.3), (-1.3, -0.8)])
+def test_the_polytope_is_as_far_outside_an_envelope_as_its_margins_say(phi, n_z):
+    """Against the law's entries on a grid of 21 x 21 conditions, which has every extreme."""
+    envelope = Envelope(V_a=(20.0, 25.0), gamma=(-0.2, 0.4), phi=phi, n_z=n_z)
+    rolls = np.append(np.linspace(*phi, 21), np.clip(0.0, *phi))
+    roll, load = np.meshgrid(rolls, np.linspace(*n_z, 21))
+    entries = np.sin([-0.2, 0.4]), np.cos(roll) ** -2, load * np.sin(roll), np.cos(roll)
+    low, high = (np.array([end(x) for x in entries]) for end in (np.min, np.max))
+    below, above = np.array([0.1, 0.02, 0.3, 0.04]), np.array([0.01, 0.2, 0.03, 0.4])
+    model = ft.loop.kinematic_model(V_a=22.0, gamma=0.1, g=G)
+
+    def margins(hull):
+        checks = certificates.coverage_checks(model, envelope, hull, g=G)
+        assert [check.name.split()[0] for check in checks] == ["g/V", "a", "b1", "b2", "b3", "trim"]
+        return [check.margin for check in checks], [check.exact for check in checks]
+
+    factor = (G / 25.0 - 0.02, G / 20.0 + 0.01)
+    hull = JacobianHull(factor=factor, lower=low - below, upper=high + above)
+    found, exact = margins(hull)
+    assert found[:5] == pytest.approx([0.01, 0.01, 0.02, 0.03, 0.04])
+    assert exact[:5] == [True] * 5
+    found, exact = margins(replace(hull, lower=low + 0.5 * below * (high > low)))
+    narrow = 0.5 * below * (high > low)
+    assert found[1:5] == pytest.approx(np.minimum(-narrow, above))
+    assert exact[1:5] == (narrow == 0.0).tolist()
+    found, _ = margins(replace(hull, factor=(G / 25.0 + 0.01, factor[1])))
+    assert found[0] == pytest.approx(-0.01)
+
+
+@pytest.mark.parametrize(
+    ("entries", "margin"),
+    [
+        # of factors from 0.3 to 0.5 each entry of the box -1..1, 1..2, -0.5..0, 0..1 leaves a part
+        ((0.0, 0.6, 0.0, 0.2), 0.2),  # b1 / 2 = 0.3 up to 0.5
+        ((0.4, 0.6, 0.0, 0.2), 0.1),  # a = 0.4 needs 0.4 up to 0.5
+        ((-0.4, 0.6, 0.0, 0.2), 0.1),
+        ((0.0, 0.4, 0.0, 0.2), 0.1),  # b1 = 0.4 needs a factor of 0.4 at most
+        ((0.0, 0.8, -0.2, 0.2), 0.1),  # b1 needs 0.4 and b2 too
+        ((0.0, 0.6, 0.0, 0.45), 0.05),
+        ((0.6, 0.6, 0.0, 0.2), -0.1),  # a needs 0.6
+        ((0.0, 0.6, 0.01, 0.2), -0.01),  # no factor makes b2 positive
+        ((0.0, 0.6, 0.0, -0.02), -0.02),  # nor b3 negative
+    ],
+)  # fmt: skip
+def test_a_model_is_inside_a_polytope_by_the_factors_that_all_its_entries_allow(entries, margin):
+    hull = JacobianHull(
+        factor=(0.3, 0.5),
+        lower=np.array([-1.0, 1.0, -0.5, 0.0]),
+        upper=np.array([1.0, 2.0, 0.0, 1.0]),
+    )
+
+    check = certificates._model_check(entry_model(np.array(entries)), hull)
+
+    assert check.margin == pytest.approx(margin)
+    assert check.exact == (margin >= 0.0)
+
+
+@pytest.mark.parametrize("change", [{"A": np.diag([0.1, 0.0])}, {"C": -np.eye(2)}])
+def test_a_model_of_another_law_is_in_no_polytope(change):
+    hull = JacobianHull(factor=(0.3, 0.5), lower=-2.0 * np.ones(4), upper=2.0 * np.ones(4))
+    model = entry_model(np.array([0.0, 0.6, 0.0, 0.2]))
+
+    assert certificates._model_check(model, hull).exact
+    check = certificates._model_check(replace(model, **change), hull)
+    assert (check.exact, check.margin) == (False, -np.inf)
+
+
+def test_a_claim_says_where_it_holds(at_trim, over_envelope):
+    several = certificates.Claim(rate=0.4, conditions=((30.0, 0.0), (20.0, np.deg2rad(-5.0))))
+
+    assert at_trim.claim.place == "at the trim"
+    assert over_envelope.claim.place == (
+        "over the envelope V_a 22..28 m/s, gamma -15..45 deg, phi -20..20 deg, n_z 0.8..1.3"
+    )
+    assert several.place == (
+        "at 2 conditions, which its maker states as V_a 20..30 m/s and gamma -5..0 deg, and for "
+        "every mixture of their loops"
+    )
+    assert "the norm ends up at" in at_trim.sentence
+    assert f"derivative is at most {L_D:.6g} " in at_trim.sentence
+    rate_alone = replace(at_trim.claim, radius=None, L_d=None)
+    alone = replace(at_trim, claim=rate_alone, W=None, multiplier=None)
+    assert "the norm ends up at" not in alone.sentence
+    # sqrt(condition) is the ratio of the axes of an ellipsoid s' Q s = 1
+    axes = np.linalg.eigvalsh(at_trim.Q)
+    assert at_trim.growth == pytest.approx((axes[-1] / axes[0]) ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"W": None}, "`radius`, `W` and `multiplier` must be given together"),
+        ({"multiplier": np.inf}, "`multiplier` must be finite"),
+        ({"hull": JacobianHull(factor=(1.0, 1.0), lower=np.ones(4), upper=np.ones(4))},
+         "`envelope` and `hull` must be given together"),
+        ({"models": (MODEL,)}, "got 1 models and 0 conditions"),
+        ({"gains": ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)}, "`gains` must act from"),
+        ({"Q": np.eye(3)}, r"`Q` must have shape \(4, 4\)"),
+        ({"peak_gains": np.eye(3)}, r"`peak_gains` must have shape \(2, 2\)"),
+    ],
+)  # fmt: skip
+def test_parts_of_a_certificate_that_do_not_fit_are_refused(at_trim, change, says):
+    with pytest.raises(ft.InputError, match=says):
+        replace(at_trim, **change)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"conditions": ((0.0, 0.1),)}, "`conditions` must be positive airspeeds"),
+        ({"conditions": ((20.0, np.nan),)}, "`conditions` must be positive airspeeds"),
+        ({"conditions": ((20.0, 0.1),), "envelope": ENVELOPE, "g": G}, "must be empty with"),
+        ({"envelope": ENVELOPE}, "`envelope` and `g` must be given together"),
+        ({"radius": -1.0}, "`radius`"),
+        ({"g": 0.0, "envelope": ENVELOPE}, "`g`"),
+    ],
+)
+def test_a_claim_of_no_condition_or_two_is_refused(at_trim, change, says):
+    with pytest.raises(ft.InputError, match=says):
+        replace(at_trim.claim, **change)
