@@ -35,3 +35,97 @@ def test_the_speeds_of_a_common_Q_are_those_of_the_circle_criterion(monkeypatch,
 
     largest = np.sqrt(25.0**2 - (25.0 - 0.5 * G) ** 2) / 5.0
     assert (1.0 - tuned_over.FACTOR_TOLERANCE) * largest < factor <= largest
+
+
+GAMMA = np.pi / 12.0
+AT = Envelope.at(V_a=25.0, gamma=GAMMA)
+WEAK = ft.PIGains(K_P=np.diag([1.7, 0.5]), K_I=np.eye(2))
+STEEPEST = np.pi / 6.0
+"""The path angle at which ``gamma'' = g/V ((sin(gamma) - 0.5) gamma' - ...)`` is no longer damped.
+
+Two loops of one K_I and different damping have a common Q wherever both are stable.
+"""
+
+
+def climbing(low, high):
+    """Path angles of straight flight at 25 m/s."""
+    return Envelope(V_a=(25.0, 25.0), gamma=(low, high), phi=(0.0, 0.0), n_z=(0.9, 1.0))
+
+
+def within(gamma):
+    """The part of the way from `GAMMA` to an angle."""
+    return pytest.approx(gamma, rel=2.0 * tuned_over.FACTOR_TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    ("gains", "envelope", "factor"),
+    [
+        (WEAK, climbing(-0.2, 0.8), (STEEPEST - GAMMA) / (0.8 - GAMMA)),
+        # no envelope is vertical, to either side
+        (ft.PAPER_GAINS, climbing(-0.2, 0.8), (0.5 * np.pi - GAMMA) / (0.8 - GAMMA)),
+        (ft.PAPER_GAINS, climbing(-0.8, 0.4), (0.5 * np.pi + GAMMA) / (0.8 + GAMMA)),
+        (ft.PAPER_GAINS, climbing(GAMMA - 0.01, GAMMA + 0.01), 64.0),
+        (ft.PIGains(K_P=-np.eye(2), K_I=np.eye(2)), climbing(-0.2, 0.8), 0.0),
+    ],
+)
+def test_the_climbs_of_a_common_Q_are_those_that_are_damped(gains, envelope, factor):
+    assert tuned_over.largest_factor(gains, envelope, AT, g=G) == within(factor)
+
+
+def test_a_curve_of_rates_ends_where_no_common_Q_is_left_or_where_it_was_asked_to(monkeypatch):
+    monkeypatch.setattr(tuned_over, "SAMPLES", 3)
+    envelope, end = climbing(-0.2, 0.8), (STEEPEST - GAMMA) / (0.8 - GAMMA)
+
+    factors, rates = tuned_over.rate_curve(WEAK, envelope, AT, g=G)
+    assert factors == within(end * np.array([0.0, 0.4975, 0.995, 1.0]))
+    assert (np.diff(rates) < 0.0).all()
+    assert rates[-1] == 0.0
+
+    factors, rates = tuned_over.rate_curve(WEAK, envelope, AT, g=G, up_to=0.4)
+    assert factors == pytest.approx([0.0, 0.2, 0.4])
+    at_trim = ft.loop.closed_loop(ft.loop.kinematic_model(V_a=25.0, gamma=GAMMA, g=G), WEAK)
+    assert rates[0] == pytest.approx(ft.loop.indicators(at_trim).R_K, rel=1e-5)
+    assert (rates > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("gains", "high", "part"),
+    [
+        (WEAK, 0.8, 0.95 * (STEEPEST - GAMMA) / (0.8 - GAMMA)),
+        (WEAK, 0.5, 1.0),
+        (ft.PIGains(K_P=-np.eye(2), K_I=np.eye(2)), 0.8, None),
+    ],
+)
+def test_a_search_begins_on_the_part_of_an_envelope_that_its_gains_have(
+    monkeypatch, gains, high, part
+):
+    """Without a step of the gains it ends there."""
+    monkeypatch.setattr(tuned_over, "ITERATIONS", 0)
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=GAMMA, g=G)
+    problem = ft.loop.TuningProblem(model=model)
+
+    reached = tuned_over._grow(problem, gains.K.ravel(), climbing(-0.2, high), AT, g=G)
+
+    if part is None:
+        assert reached is None
+        return
+    factor, best = reached
+    assert factor == within(part)
+    assert best.k.tolist() == gains.K.ravel().tolist()
+    scaled = climbing(-0.2, high).scaled(AT, factor)
+    assert best.common.R == pytest.approx(tuned_over.envelope_rate(gains, scaled, g=G).R)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"E_star": 3.0}, "`E_star` must be inf for a rate over an envelope, got 3"),
+        ({"scaling": np.array([1.0, 1.0, 1.0, 2.0])}, "`scaling` must be all ones"),
+    ],
+)
+def test_a_rate_over_an_envelope_has_no_bound_on_the_error_and_no_units(change, says):
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=GAMMA, g=G)
+    with pytest.raises(ft.InputError, match=says):
+        tuned_over.tune_over_envelope(
+            ft.loop.TuningProblem(model=model, **change), climbing(-0.2, 0.8), AT, g=G
+        )
