@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from flighttune.flight.loop.measured import Moving
+from flighttune.vehicles.plants import sensors
 
 DT = 0.02
 WIND = (3.0, -2.0, 0.0)
@@ -34,3 +36,86 @@ def test_the_acceleration_along_the_path_through_the_air_is_that_of_its_airspeed
     assert V_g == pytest.approx(math.hypot(over[0], over[1]), rel=1e-12)
     assert velocity == pytest.approx(over, rel=1e-3, abs=1e-12)
     assert acceleration == pytest.approx(1.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(("gamma", "behind", "left"), [(0.0, 4.0, 3.0), (0.2, 0.0, 0.0)])
+def test_at_the_first_sample_the_velocity_follows_from_course_airspeed_and_wind(
+    gamma, behind, left
+):
+    """Level in a wind from behind and the left, and a climb in still air."""
+    c, s = math.cos(CHI), math.sin(CHI)
+    wind = behind * c - left * s, behind * s + left * c, 0.0
+    V_g = behind + math.sqrt((25.0 * math.cos(gamma)) ** 2 - left**2)
+
+    level, velocity, acceleration = Moving(DT)((CHI, gamma, 25.0), (1.0, 2.0, 3.0), wind)
+
+    assert level == pytest.approx(V_g)
+    assert velocity == pytest.approx((V_g * c, V_g * s, -V_g * math.tan(gamma)))
+    assert acceleration == 0.0
+
+
+def seen(error, places=(18, 8, 9), numbers=(0.5, 400.0, 0.25), begun=True):
+    """A row of signals with those that a law sees behind them; the row before in a table."""
+    #      chi  gamma  phi  n_z  V_a   north  east  down  h      wind
+    true = [0.7, 0.1, 0.3, 1.2, 25.0, 110.0, 60.0, -5.0, 907.0, 3.0, -2.0, 0.5]
+    row = [*true, *[0.0] * 6, *[0.0] * 12]
+    before = [0.6, 0.1, 0.2, 1.1, 24.0, 104.0, 52.0, -4.0, 906.0, 2.0, -1.0, 0.4]
+    before += [*[0.0] * 6, *[9.0] * 9, 1.0, 2.0, 4.0]
+    sensors.sense(row, before, begun, error, places, numbers)
+    return row[18:]
+
+
+def test_sensors_alone_show_three_signals_with_their_errors():
+    assert seen((0.01, -0.02, 0.5)) == pytest.approx([0.71, 0.08, 25.5, *[0.0] * 9])
+
+
+def test_an_estimator_shows_each_signal_with_its_error_and_a_wind_that_lags():
+    """6 and 8 m in half a second are 20 m/s over ground; each velocity has an error of its own."""
+    error = [0.01, -0.02, 0.5, 0.03, 0.04, 1.5, -2.5, 7.0, 1.5, -0.5, 0.25, 0.2, -0.3, 0.6]
+    V_g, chi = 20.0, 0.7
+    off = [1.5, -0.5]
+    north, east = V_g * math.cos(chi) + off[0], V_g * math.sin(chi) + off[1]
+    up = V_g * math.tan(0.1) + 0.25
+
+    found = seen(error)
+
+    assert found[0] == pytest.approx(math.atan2(east, north) + 0.01)
+    assert found[1] == pytest.approx(math.atan2(up, math.hypot(north, east)) - 0.02)
+    assert found[2:5] == pytest.approx([25.5, 0.33, 1.24])
+    assert found[5:9] == pytest.approx([111.5, 57.5, 914.0, math.hypot(north, east)])
+    # a quarter of the wind now, three quarters of the estimate before, and its error
+    wind = [0.75 + 0.75 + 0.2, -0.5 + 1.5 - 0.3, 0.125 + 3.0 + 0.6]
+    assert found[9:] == pytest.approx(wind)
+
+
+def test_an_estimator_without_height_wind_or_past_takes_those_of_the_start():
+    error = [0.0] * 14
+    still = seen(error, places=(18, -1, -1), begun=False)
+    windy = seen(error, begun=False)
+
+    # 400 m at the start, 5 m higher now; the airspeed along a path of 0.1 rad
+    assert still[7] == 405.0
+    assert still[8] == pytest.approx(25.0 * math.cos(0.1))
+    assert still[9:] == [0.0] * 3
+    assert windy[9:] == [3.0, -2.0, 0.5]
+    assert windy[8] > still[8]  # from behind
+    assert still[:7] == pytest.approx([0.7, 0.1, 25.0, 0.3, 1.2, 110.0, 60.0])
+
+
+def test_errors_are_drawn_on_as_far_as_a_flight_needs_them():
+    asked = []
+
+    def draw(samples):
+        asked.append(samples)
+        return np.arange(float(samples))[:, None]
+
+    errors = sensors.DrawnErrors(draw, 10, 3)
+
+    assert len(errors.reach(2)) == 3
+    assert len(errors.reach(3)) == 6
+    assert len(errors.reach(9)) == 10
+    assert [row for (row,) in errors] == [float(i) for i in range(10)]
+    assert asked == [3, 6, 10]
+    assert [row for (row,) in sensors.DrawnErrors(draw, 4, 0)] == [0.0, 1.0, 2.0, 3.0]
+    assert asked[3:] == [1, 2, 4]
+    assert len(sensors.DrawnErrors(draw, 4, 99).values) == 4

@@ -1,5 +1,6 @@
 """Derivatives of the airframe against its published coefficients, and gains made of them."""
 
+import dataclasses
 import math
 import shutil
 
@@ -9,7 +10,13 @@ from places import SHIPPED_AIRCRAFT
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.vehicles.identification.design import Airframe, check_steps, inner_loop_gains
+from flighttune.vehicles.identification.design import (
+    Airframe,
+    DesignedAircraft,
+    StepResponse,
+    check_steps,
+    inner_loop_gains,
+)
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
@@ -225,3 +232,42 @@ def test_an_aircraft_is_shown_rolling_and_in_a_pull_up_and_a_push_over():
         ends = [step.signals[step.channel][-1] for step in (roll, pull, push)]
         expected = roll.size, 1.0 + pull.size, 1.0 + push.size
         assert ends == pytest.approx(expected, abs=STEP_REACHED)
+
+
+def test_a_step_is_as_fast_and_as_well_damped_as_its_response_is():
+    """A roll step down by 0.5 rad from 0.1 rad: 90 % is -0.35 rad."""
+    response = StepResponse(
+        channel="phi", V_a=25.0, size=-0.5, ended="", t90_allowed=0.3, overshoot_allowed=0.2,
+        signals={"t": np.arange(5) * 0.1, "phi": np.array([0.1, -0.1, -0.34, -0.36, -0.5])},
+    )  # fmt: skip
+    slow = dataclasses.replace(response, signals={"t": np.arange(2) * 0.1, "phi": np.zeros(2)})
+
+    assert response.progress == pytest.approx([0.0, 0.4, 0.88, 0.92, 1.2])
+    assert response.t90 == pytest.approx(0.3)
+    assert response.overshoot == pytest.approx(0.2)
+    assert (slow.t90, slow.overshoot) == (math.inf, 0.0)
+    allowed = {"t90_allowed": 0.31, "overshoot_allowed": 0.21}
+    met = dataclasses.replace(response, **allowed)
+    missed = [
+        dataclasses.replace(met, t90_allowed=0.29),
+        dataclasses.replace(met, overshoot_allowed=0.19),
+        dataclasses.replace(met, ended="too slow."),
+    ]
+    assert met.met
+    assert not any(step.met for step in missed)
+    assert met.name == "phi -28.6479 deg at 25 m/s"
+    assert dataclasses.replace(met, channel="n_z", size=0.5).name == "n_z +0.5 at 25 m/s"
+
+    of = [
+        DesignedAircraft(config=AEROSONDE, steps=(met, step), before={}).missed
+        for step in (met, *missed)
+    ]
+    assert of == [
+        "",
+        f"{met.name}: t90 must be at most 0.29 s and the overshoot 21 %, got 0.30 s and 20.0 %; "
+        "nothing is written",
+        f"{met.name}: t90 must be at most 0.31 s and the overshoot 19 %, got 0.30 s and 20.0 %; "
+        "nothing is written",
+        f"{met.name}: t90 must be at most 0.31 s and the overshoot 21 %, got 0.30 s and 20.0 %: "
+        "too slow.; nothing is written",
+    ]

@@ -152,3 +152,128 @@ def test_orders_of_lags_are_ranked_by_bayes_information_criterion():
         assert lag.residual == pytest.approx(math.sqrt(np.mean(gap**2)), rel=1e-6)
         bic = 50.0 * math.log(np.sum(gap**2) / 50.0) + (lag.lag.order + 1) * math.log(50.0)
         assert lag.bic == pytest.approx(bic, rel=1e-6)
+
+
+def limits(upper=(0.8, 2.5), rates=(1.2, 4.0)):
+    """Roll from -0.6 and load factor from -1, so that roll has 0.6 and 1.5 of room about level."""
+    return ft.loop.Limits(
+        lower=[-0.6, -1.0], upper=[*upper], rate_lower=[-2.0, -3.0], rate_upper=[*rates]
+    )
+
+
+def test_multisines_are_as_large_as_the_limits_allow_on_lines_of_their_own():
+    """40 % of the room and 80 % of the slower rate: 0.24 and 0.6, 0.96 and 2.4 per second."""
+    changes, lines = fit.multisines(limits(), seed=3)
+
+    t = np.arange(2000) * 0.01
+    assert changes.shape == (2000, 2)
+    for signal, line, peak, rate in zip(changes.T, lines, (0.24, 0.6), (0.96, 2.4), strict=True):
+        # from one sample to the next, the last one to the first
+        used = max(
+            np.abs(signal).max() / peak,
+            np.abs(np.diff(signal, append=signal[0])).max() / 0.01 / rate,
+        )
+        assert used == pytest.approx(1.0)
+        sizes = np.abs(np.fft.rfft(signal)) / (len(t) / 2)
+        assert sizes[line] * np.sqrt(line) == pytest.approx(
+            np.full(len(line), sizes[line[0]] * math.sqrt(line[0]))
+        )
+        assert np.delete(sizes, line).max() < 1e-12
+    together = np.sort(np.concatenate(lines))
+    # 0.3 to 20 rad/s are 1 to 64 periods in 20 s, interleaved
+    assert (together[0], together[-1], len(together)) == (1, 64, len({*together.tolist()}))
+    assert [x in lines[0] for x in together] == [i % 2 == 0 for i in range(len(together))]
+    grid = np.geomspace(0.3, 20.0, 30) * 20.0 / math.tau
+    assert np.abs(grid[:, None] - together).min(axis=1).max() <= 0.5
+    assert not np.array_equal(changes, fit.multisines(limits(), seed=4)[0])
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"upper": (0.8, 1.0)}, r"`limits` must be finite and leave room .* got \[0\.6, 0\.0\]"),
+        ({"upper": (0.8, math.inf)}, None),  # the other side ends it
+        ({"rates": (0.0, 4.0)}, "`limits on rates` must be finite"),
+    ],
+)
+def test_limits_without_room_about_level_flight_are_refused(bad, message):
+    if message is None:
+        room, rates = fit.command_room(limits(**bad))
+        assert room == pytest.approx([0.4 * 0.6, 0.4 * 2.0])
+        assert rates == pytest.approx([0.8 * 1.2, 0.8 * 3.0])
+        return
+    with pytest.raises(ft.InputError, match=message):
+        fit.command_room(limits(**bad))
+
+
+def test_the_manoeuvre_for_validation_is_3_2_1_1_steps_of_each_channel():
+    """Units of 0.9 and 0.8 s from 1 and 2.3 s on, 80 % of the room as fast as the rates allow."""
+    found = fit.check_manoeuvre(limits(rates=(1e3, 1e3)))
+
+    t = np.arange(1200) * 0.01
+    for signal, start, unit, size, rate in zip(
+        found.T, (1.0, 2.3), (0.9, 0.8), (0.24, 0.6), (0.8 * 2.0, 0.8 * 3.0), strict=True
+    ):
+        units = (t - start) / unit
+        levels = np.select(
+            [units < 0, units < 3, units < 5, units < 6, units < 7], [0, 1, -1, 1, -1], 0
+        )
+        assert np.abs(np.diff(signal)).max() == pytest.approx(rate * 0.01)
+        ahead = np.abs(np.diff(levels, prepend=0)).nonzero()[0]
+        # half a second after each change it is reached
+        reached = np.ones(len(t), dtype=bool)
+        for k in ahead:
+            reached[k : k + 50] = False
+        assert signal[reached] == pytest.approx(0.8 * size * levels[reached], abs=1e-12)
+
+
+def test_a_command_is_ramped_up_and_down_at_its_rate():
+    found = fit.ramped(np.array([0.0, 0.03, 0.03, 0.03, -1.0, -1.0, 0.0]), 2.0)
+
+    assert found == pytest.approx([0.0, 0.02, 0.03, 0.03, 0.01, -0.01, 0.0])
+
+
+def test_an_excitation_that_ends_the_flight_is_halved_up_to_three_times():
+    flights = []
+
+    def fly(plant, condition, change):
+        flights.append(change[0])
+        stop = ft.loop.Stop("left_envelope", "too much") if change[0] > bound else None
+        return (change[0],), (condition.V_a,), stop
+
+    def respond():
+        return fit.respond(ft.loop.PointMassPlant, ft.loop.FlightCondition(V_a=25.0), STEPS, fly)
+
+    STEPS, bound = np.array([[1.0], [8.0], [2.0]]), 2.0
+    commanded, measured = respond()
+    assert commanded.tolist() == [[0.25], [2.0], [0.5]]
+    assert measured.tolist() == [[25.0]] * 3
+    assert flights == [1.0, 8.0, 0.5, 4.0, 0.25, 2.0, 0.5]
+    bound = 0.9
+    with pytest.raises(ft.loop.PlantError, match=r"even at 0\.125 of its size: too much"):
+        respond()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_lag_is_that_of_its_parameters(order):
+    shape = {"damping": 0.4} if order > 1 else {}
+    shape |= {"lag": 0.3} if order > 2 else {}
+    lag = ft.loop.InnerLag(order=order, natural_frequency=6.0, delay=0.1, **shape)
+
+    found = fit.parameters(lag)
+
+    logs = [math.log(6.0), 0.1, math.log(0.4), math.log(0.3)][: order + 1]
+    assert found == pytest.approx(logs)
+    again = fit.with_parameters(found, order)
+    assert fit.parameters(again) == pytest.approx(logs)
+    assert again.order == order
+    assert fit.with_parameters(found * [1.0, -1.0, 1.0, 1.0][: order + 1], order).delay == 0.0
+
+
+def test_the_percentage_explained_is_of_the_variance():
+    measured = np.array([1.0, 3.0, 1.0, 3.0])
+
+    assert fit.fit_percent(measured, measured) == 100.0
+    assert fit.fit_percent(measured, measured + 0.5) == 75.0  # a quarter of a variance of 1
+    assert fit.fit_percent(measured, 2.0 * measured) == pytest.approx(100.0 * (1.0 - 5.0))
+    assert fit.fit_percent(np.ones(3), np.ones(3)) == -math.inf
