@@ -25,6 +25,7 @@ from fuzzing import (
     holder_of,
     in_child,
     limited,
+    marked,
     places_in,
     text_files,
     to_json,
@@ -650,7 +651,7 @@ def test_a_file_is_read_or_refused_in_one_line(tmp_path, name, cases):
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("cases", CASES)
-@pytest.mark.parametrize("name", BINARY)
+@pytest.mark.parametrize("name", marked(BINARY, pytest.mark.soak, but={*BINARY} - {"ULog"}))
 def test_a_binary_file_is_read_or_refused_in_one_line(tmp_path, monkeypatch, name, cases):
     # A log of a few seconds is read in a tenth of this; a damaged one takes all of it.
     monkeypatch.setattr("flighttune.logs.read.PATIENCE_S", 1.5)

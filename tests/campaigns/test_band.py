@@ -222,7 +222,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
         assert inside == (i not in ranks[-5:]) == (band.scores[i] <= band.scale)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
     short = [{"north_m": n, "east_m": 0.0} for n in (0.0, 100.2)]
     changes = {"route.waypoint": short, "flight.duration_s": 60.0}

@@ -76,7 +76,7 @@ def searched(folder, start_deg):
         )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(tmp_path):
     said = searched(tmp_path, 0.0)
 

@@ -82,7 +82,7 @@ def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     pd.testing.assert_frame_equal(*rows, check_exact=True)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_stopped_comparison_names_the_file_with_which_it_goes_on(file, tmp_path):
     kept, observer = tmp_path / "kept.jsonl", ft.CampaignObserver()
     observer.see = lambda progress: setattr(observer, "stopped", progress.flown >= 1)
@@ -291,7 +291,7 @@ def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, opt
     assert words in failure
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, file):
     page = tmp_path / "page.html"
     out, _ = flighttune(

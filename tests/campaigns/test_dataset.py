@@ -161,6 +161,7 @@ def test_what_cannot_go_on_is_refused_with_what_is_different(tmp_path, ours, row
         ft.run_campaign(plan_asked, tmp_path / "out", resume=True)
 
 
+@pytest.mark.soak
 def test_a_campaign_can_grow_and_not_shrink(out, ours):
     longer = ours.with_runs(RUNS + 6)
 
@@ -249,6 +250,7 @@ def test_a_folder_of_another_or_that_cannot_be_written_is_one_line(tmp_path, our
         ft.run_campaign(ours, tmp_path / "runs" / "mine.parquet" / "out")
 
 
+@pytest.mark.soak
 def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path):
     ours = plan(
         tmp_path, runs=40, keep='failures = 3\nworst = 2\nsample = 2\nworst_by = "gamma.ITAE"'

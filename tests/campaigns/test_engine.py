@@ -84,6 +84,7 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     assert workers.progress.flown / workers.progress.rate_per_s < time.perf_counter() - ready
 
 
+@pytest.mark.soak
 @own_processes
 def test_flights_go_on_where_no_worker_is_counted(tmp_path, monkeypatch):
     """Some schedulers start a worker for a task that waits, and end it after the task."""
@@ -150,6 +151,7 @@ def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
         ft.run_campaign(asking(tmp_path, 0.9), out, resume=True)
 
 
+@pytest.mark.soak
 def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
     ours, out = asking(tmp_path, 0.5), tmp_path / "out"
 

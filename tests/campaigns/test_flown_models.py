@@ -74,7 +74,7 @@ def test_lags_of_a_model_are_said_where_they_fly(plant, said):
     assert lags_alone(counting.drawn(stated)) == said
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_answers_say_that_lags_alone_were_flown(mission, mine):
     # A better receiver needs no flights by RTK beside its own.
     few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7, "workers": 1, "navigation": "rtk"}

@@ -98,7 +98,7 @@ def test_joining_the_path_is_no_error_of_flying(most, seen):
     assert (beside, above) == pytest.approx((seen, 2.0 * seen), rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_claim_names_what_its_autopilots_knew_and_its_corridor_is_as_wide(tmp_path):
     by_receiver = ft.band("circuit_in_wind", changes=SHORT, **FEW)
     exact = ft.band("circuit_in_wind", changes=SHORT, navigation="exact", **FEW)

@@ -253,6 +253,7 @@ def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     assert flown(required, gains).claim.verdict == values["status"].replace("missed", "not met")
 
 
+@pytest.mark.soak
 def test_slopes_meet_requirements_in_few_flights():
     """The simplex of Nelder and Mead over flights takes some 260 (benchmarks/bench_meet.py)."""
     aircraft = {"kind": "jsbsim", "aircraft": "aerosonde"}
@@ -279,6 +280,7 @@ def test_moves_along_slopes_alone_meet_requirements_that_are_missed_by_four_time
     assert flown(overshoot, best.gains).claim.verdict == "met"
 
 
+@pytest.mark.soak
 def test_the_start_is_what_the_scenario_flies_and_the_others_are_named():
     slack = scenario(at_most(MO_deg=60.0), gains=["tuned_fed_back"], law="exact")
 

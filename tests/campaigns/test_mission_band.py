@@ -169,7 +169,7 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
     # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
     [*slow((None, 628, 0), (300, 628, None)), (400, 628, 2), (50, 192, None)],
 )
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_third_largest_of_all_flights_decides_the_corridor(
     tmp_path, monkeypatch, lost_every, flights, lost
 ):
@@ -303,7 +303,7 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("least", "said"),
     [

@@ -104,7 +104,7 @@ def test_the_formula_of_a_route_is_that_of_its_largest_airspeed(turning):
     assert TurnBack._formula.fget(room) == pytest.approx(expected)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""
@@ -510,7 +510,7 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.usefixtures("few_learned")
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

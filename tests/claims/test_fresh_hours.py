@@ -54,7 +54,7 @@ def share_by_guidance(jump, half, window_s, time_s):
     return out.mean()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_jump_of_the_position_leaves_a_strip_as_often_as_the_guidance_says():
     flights, jump, half = 150, 100.0, 40.0
     stated = RatesTable.model_validate(

@@ -101,7 +101,7 @@ class Case:
         return 3600.0 * exits / seconds
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_rate_of_20000_fresh_hours_lies_below_the_bound_in_19_of_20_cases():
     cases = [Case(number) for number in range(CASES)]
     bounds = np.array([case.claimed().bound.total for case in cases])

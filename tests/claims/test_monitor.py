@@ -64,6 +64,7 @@ def test_fly_records_the_score_and_says_whether_when_and_why_it_alarms(
     assert monitor.why_not(run) == "another monitor has scored it"
 
 
+@pytest.mark.soak
 def test_an_alarm_of_a_flight_that_it_is_not_about_is_none_and_the_first_line_says_so(
     monitor, tmp_path
 ):
@@ -90,6 +91,7 @@ def test_an_alarm_of_a_flight_that_it_is_not_about_is_none_and_the_first_line_sa
     assert "No claim about flights of this scenario" in Path(made["monitor"]).read_text()
 
 
+@pytest.mark.soak
 def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):
     monitor.save(tmp_path / "monitor.npz")
     read = ft.load(tmp_path / "monitor.npz")
@@ -107,6 +109,7 @@ def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):
     assert "airspeed" in verified.reason or "equal to the bit" in verified.reason
 
 
+@pytest.mark.soak
 def test_models_of_other_signals_are_refused(monitor, tmp_path):
     changed = replace(monitor, about=replace(monitor.about, models=monitor.about.models[1:]))
     changed.save(tmp_path / "monitor.npz")

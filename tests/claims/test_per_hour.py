@@ -130,7 +130,7 @@ def test_margins_are_distances_to_the_sides_and_the_top():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
     wide, narrow = (
         per_hour.count_per_hour(
@@ -219,7 +219,7 @@ def test_a_flight_has_time_for_its_ending_from_every_place(how, legs):
             assert given >= 1.9 * ended / 25.0, (at_m, side)  # 2 to a twentieth between places
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("how", ["cut", "circle"])
 def test_the_first_alarm_of_a_monitor_ends_any_flight(how):
     # A made-up monitor that expects an airspeed of 25 m/s to a thousandth: it alarms soon.

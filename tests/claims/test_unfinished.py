@@ -69,7 +69,7 @@ class Stops(Seen):
         self.stopped = progress.flown >= self.after
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("flown", "keeps"), [(BEFORE + 8, True), (LEARNED // 2, False)])
 def test_a_stopped_count_names_the_file_with_which_it_goes_on(tmp_path, monkeypatch, flown, keeps):
     monkeypatch.setattr(unfinished, "FIRST", 4)
@@ -82,7 +82,7 @@ def test_a_stopped_count_names_the_file_with_which_it_goes_on(tmp_path, monkeypa
     assert kept.exists() == keeps
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(left, tmp_path):
     whole, out, seen = tmp_path / "whole.npz", tmp_path / "killed.npz", Seen()
     ft.mission("circuit_in_wind", out=whole, **FEW)
@@ -99,7 +99,7 @@ def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(left, tmp_path):
     assert BEFORE + 5 <= seen.flown <= BEFORE + 5 + again
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("other", "said"),
     [({"seed": 7}, "its flights belong to another count"), (None, "must be a band file")],

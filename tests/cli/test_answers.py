@@ -184,6 +184,7 @@ def test_a_result_saves_its_answer_whose_gains_are_read(tmp_path):
     assert ft.load_gains(tmp_path / "own.json").K.tolist() == ft.PAPER_GAINS.K.tolist()
 
 
+@pytest.mark.soak
 def test_a_proof_that_is_asked_for_is_written_and_verified(tmp_path):
     said = answer("tune", "paper", "--prove", tmp_path / "bound.json")
 

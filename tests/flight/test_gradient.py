@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from fuzzing import marked
 
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
@@ -65,6 +66,8 @@ CASES = {
     "sensors": ({"sensors": {"gamma_noise_sd_deg": 0.02, "chi_bias_deg": 0.2}}, ["K_P.phi.chi"]),
 }
 
+QUICK = "the paper's law in still air", "sensors"
+
 
 def differences(entry, name, value, width):
     """Slopes of measures by flights on both sides."""
@@ -75,7 +78,7 @@ def differences(entry, name, value, width):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", marked(CASES, pytest.mark.soak, but=QUICK))
 def test_slopes_are_central_differences_where_those_are_good(case):
     changes, by = CASES[case]
     flown = scenario(**changes)

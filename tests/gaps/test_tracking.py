@@ -55,7 +55,7 @@ def test_errors_on_the_ground_do_not_count():
     assert tracked(track(V_g=speed, cross_track=error)) == {"cross track": 1.0}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_flights_of_a_standard_receiver_see_less_than_their_true_error():
     run = track(cross_track=3.0, height_err=0.5)
 
@@ -90,7 +90,7 @@ def test_the_page_of_a_log_says_its_errors_of_track(tmp_path):
     assert "the autopilot sees its cross track within 1.5 m for 95 % of the time" in said
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_page_of_a_log_has_the_corridor_of_a_route_beside_its_errors(tmp_path):
     log, file = flight_beside_its_path(tmp_path), tmp_path / "band.npz"
     short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 400.0)]}

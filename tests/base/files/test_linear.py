@@ -104,7 +104,7 @@ LARGE = {"parameters", "too many values"}  # which take seconds of the processor
 OPENS = '"type":"GeometryCollection","geometries":['
 
 
-@pytest.mark.parametrize("name", marked(FILES, pytest.mark.slow, but={*FILES} - LARGE))
+@pytest.mark.parametrize("name", marked(FILES, pytest.mark.soak, but={*FILES} - LARGE))
 @pytest.mark.slow
 def test_a_large_file_of_mistakes_is_refused_in_a_time_like_its_size(tmp_path, name):
     file, read, text = FILES[name]

@@ -203,7 +203,7 @@ ENDS = {
 """Command, its files, and the value that the old and the new answer have."""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "signals", "every"),
     [

@@ -357,6 +357,7 @@ def check_conformant(case, seed):
         assert found.bounds.contain(signals)
 
 
+@pytest.mark.soak
 @few_or_many(5, 250)
 def test_no_flight_in_the_boxes_leaves_the_tube(count):
     check_cases(check_conformant, conformant(), count)

@@ -13,7 +13,7 @@ from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.problem import QUANTITIES
 from flighttune.flight.loop.disturbance import Sinusoid
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.soak
 
 D = 0.002
 LONGER = 10

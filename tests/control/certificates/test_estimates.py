@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fuzzing import slow
 from printed import MODEL
 from scipy.linalg import expm
 
@@ -16,6 +15,7 @@ from flighttune.control.linear_model import closed_loop
 
 TAKEN_FOR_WHOLE = 1e-3  # relative: a flight of 40 s with an input held for 2 ms
 DT, SAMPLES = 0.002, 20_000
+OF_MISSION = [pytest.param("identified", marks=pytest.mark.soak)]
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def of_mission():
     return ft.certify("mission", "exact:tuned_fed_back", navigation="standard", changes=changes)
 
 
-@pytest.fixture(scope="module", params=["paper", *slow("identified")])
+@pytest.fixture(scope="module", params=["paper", *OF_MISSION])
 def certified(request):
     if request.param == "paper":
         return certify_model(MODEL, ft.PAPER_GAINS, estimates=True).certificate
@@ -55,7 +55,7 @@ def test_no_input_makes_a_larger_error_and_the_worst_one_attains_it(certified):
     assert attained == pytest.approx(certified.peak_gains, rel=TAKEN_FOR_WHOLE, abs=1e-3)
 
 
-@pytest.mark.parametrize("certified", slow("identified"), indirect=True)
+@pytest.mark.parametrize("certified", OF_MISSION, indirect=True)
 def test_the_law_behind_the_identified_lag_is_off_by_a_quarter_more_than_its_estimate(certified):
     # Total variations of the responses to a step, found by a simulation outside of the package;
     # it held the commands for a sample, which adds a hundredth.
@@ -81,7 +81,7 @@ def test_gains_of_a_certificate_are_of_the_number_of_its_errors(certified):
         replace(certified, peak_gains=np.ones((1, 2)))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate(of_mission):
     """0.0657 m/s across at 25 m/s is 0.15 deg, by the covariance recursion of the navigation."""
     chi, _ = of_mission.answer().values["certificate"]["estimates"]

@@ -64,7 +64,7 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     assert worst["factor_alone"] == pytest.approx(found.common_factor, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_without_limits_there_is_no_factor(model):
     unlimited = diagnosis(ft.loop.TuningProblem(model=model, I_star=5.0))
     assert (unlimited.common_factor, unlimited.limits) == (0.0, ())

@@ -169,7 +169,7 @@ def test_noise_must_be_positive_and_fit_the_channels():
         replace(good, rates_max=np.zeros(1))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_gentle_gains_keep_the_errors_with_calmer_commands_and_ailerons():
     """On a circuit in light turbulence with a standard receiver: a third less aileron rate."""
     changes = {
