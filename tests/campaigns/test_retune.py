@@ -570,23 +570,35 @@ def test_flights_of_several_plans_are_kept_and_none_is_flown_twice(plan, tmp_pat
     assert not file.exists()
 
 
-# A small search that is killed by itself once so many flights are there.
-SEARCH = """
+# A small search in a copy of this process that is killed by itself once so many flights are there;
+# then it goes on, and one that is not killed flies.
+SEARCHES = """
 import os, signal, sys
 import flighttune as ft
 from flighttune.studies import retune
 retune.DRAWS = retune.FINAL_DRAWS = 1
 class Killed(ft.CampaignObserver):
+    def __init__(self, most):
+        self.most = most
     def see(self, progress):
-        if progress.flown >= int(sys.argv[2]):
+        if progress.flown >= self.most:
             os.kill(os.getpid(), signal.SIGKILL)
     def hear(self, sentence):
         print(sentence)
-found = ft.meet(
-    "circuit_in_wind", autopilot=sys.argv[1], flights=2, budget=20, kept=sys.argv[3] or None,
-    workers=int(sys.argv[4]), observer=Killed(), changes=CHANGES,
-)
-print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), found.flights)
+def search(most, kept, workers):
+    found = ft.meet(
+        "circuit_in_wind", autopilot=sys.argv[1], flights=2, budget=20, kept=kept,
+        workers=workers, observer=Killed(most), changes=CHANGES,
+    )
+    print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), found.flights)
+if child := os.fork():
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+else:
+    search(11, sys.argv[2], 1)
+    os._exit(0)
+print(len(open(sys.argv[2]).readlines()))
+search(99, sys.argv[2], 2)
+search(99, None, 1)
 """
 
 
@@ -594,22 +606,15 @@ print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), fo
 def test_a_killed_search_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     kept = tmp_path / "runs" / "kept.jsonl"
     legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
-    text = SEARCH.replace("CHANGES", repr({"route.waypoint": legs, "gains": ["paper"]}))
-
-    def search(most, place, workers):
-        words = [file, str(most), str(place), str(workers)]
-        return subprocess.run(
-            [sys.executable, "-c", text, *words], check=False, capture_output=True, text=True
-        )
+    text = SEARCHES.replace("CHANGES", repr({"route.waypoint": legs, "gains": ["paper"]}))
 
     # the start and a generation have at most 9 flights
-    assert search(11, kept, 1).returncode == -signal.SIGKILL
-    flown = len(kept.read_text().splitlines())
-    assert flown >= 11
+    command = [sys.executable, "-u", "-c", text, file, kept]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    ended, flown, said, on, whole = printed.splitlines()
 
-    said, on = search(99, kept, 2).stdout.splitlines()
-    whole = search(99, "", 1).stdout.splitlines()
-
+    assert int(ended) == -signal.SIGKILL
+    assert int(flown) >= 11
     assert said == f"{kept}: {flown} flights are flown already."
-    assert [on] == whole
+    assert on == whole
     assert not kept.exists()
