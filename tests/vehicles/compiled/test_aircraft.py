@@ -27,6 +27,8 @@ GUSTS = {
 }
 
 
+# Of the adopted aircraft: a piston, a jet, and one that is refused.
+QUICK = "J3Cub", "T38", "f16"
 LATER = [pytest.param(name, marks=pytest.mark.slow) for name in ("x8", "a4", "c172p")]
 
 
@@ -140,7 +142,11 @@ def test_one_step_flies_every_draw_of_an_aircraft():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("aircraft", sorted(ADOPTED.iterdir()), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "aircraft",
+    marked(sorted(ADOPTED.iterdir()), pytest.mark.soak, but={ADOPTED / x for x in QUICK}),
+    ids=lambda path: path.name,
+)
 def test_adopted_aircraft_are_compiled_or_refused_by_name(aircraft):
     step = compiled(load_aircraft(aircraft))
 
@@ -166,15 +172,15 @@ COMPILED = (
 # The pressure behind their throttles is hidden, and each start has another one.
 SUPERCHARGED = ("Boeing314", "p51d")
 
-# Turbines, a rotary and superchargers, a rocket, a turboprop, two that are refused.
-SHORT = ("Camel", "Boeing314", "X15", "t6texan2", "T38", "c310", "Short_S23")
+# A supercharger, a rocket, a turboprop, a turbine and one that is refused.
+SHORT = ("Boeing314", "X15", "t6texan2", "T38", "c310")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [
-        *marked(SHORT, pytest.mark.soak, but=("T38",)),
+        *marked(SHORT, pytest.mark.soak, but=()),
         *(
             pytest.param(model, marks=pytest.mark.counts)
             for model in (*COMPILED, *REFUSED)

@@ -23,6 +23,8 @@ from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindPr
 
 ADOPTED = Path(__file__).parents[2] / "adopted"
 
+SHIPPED = "aerosonde", "x8", "a4", "c172p"
+
 # Airspeeds that all drawn aircraft can hold, m/s
 SPEED = {
     "aerosonde": 25.0,
@@ -77,17 +79,15 @@ def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
     ("name", "count", "seed"),
     [
         ("aerosonde", 6, 6),
-        ("c172p", 3, 3),
-        pytest.param("DHC6", 1, 3, marks=pytest.mark.slow),
-        pytest.param("737", 1, 3, marks=pytest.mark.slow),
-        pytest.param("c182", 1, 3, marks=pytest.mark.slow),  # whose engine stops, and is started
+        pytest.param("c172p", 3, 3, marks=pytest.mark.slow),
+        pytest.param("DHC6", 1, 3, marks=pytest.mark.soak),
+        pytest.param("c182", 1, 3, marks=pytest.mark.soak),  # whose engine stops, and is started
         pytest.param("DHC6", 3, 3, marks=pytest.mark.counts),
         pytest.param("c182", 3, 3, marks=pytest.mark.counts),
-        pytest.param("aerosonde", 120, 120, marks=pytest.mark.soak),
-        pytest.param("x8", 120, 120, marks=pytest.mark.soak),
-        pytest.param("a4", 120, 120, marks=pytest.mark.soak),
-        pytest.param("c172p", 120, 120, marks=pytest.mark.soak),
-        pytest.param("737", 40, 40, marks=pytest.mark.soak),
+        *(pytest.param(x, 20, 20, marks=pytest.mark.soak) for x in SHIPPED),
+        *(pytest.param(x, 120, 120, marks=pytest.mark.counts) for x in SHIPPED),
+        pytest.param("737", 10, 40, marks=pytest.mark.soak),
+        pytest.param("737", 40, 40, marks=pytest.mark.counts),
     ],
 )
 def test_starts_of_drawn_aircraft_are_those_of_jsbsim(name, count, seed):
