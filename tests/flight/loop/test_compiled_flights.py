@@ -141,36 +141,47 @@ def test_a_flight_four_metres_above_the_ground_is_that_of_jsbsim(monkeypatch):
     assert_compiled(monkeypatch, tables(**low, **LAWS["exact"]))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("case", CASES)
-def test_a_flight_is_that_of_jsbsim(monkeypatch, case, law):
-    assert_compiled(monkeypatch, tables(**CASES[case], **LAWS[law]))
+SHIPPED = ("aerosonde", "x8", "a4", "c172p")
+IN_TEST = {("x8", "turbulence in wind"), ("a4", "gust"), ("c172p", "near the ground")}
 
 
-# Each shipped aircraft in each of these; the others of the table are flown in `make soak`.
-FEW = {
-    ("turbulence in wind", "paper"),
-    ("gust", "exact"),
-    ("near the ground", "exact"),
-    ("airframe", "fed back"),
-}
+def cases_and_laws():
+    """Each aircraft in each case with one of the laws, and each law in each third case.
+
+    The Aerosonde flies its other laws in `make soak`, the others theirs in `make counts`.
+    """
+    for (i, name), (j, case), (k, law) in product(*map(enumerate, (SHIPPED, CASES, LAWS))):
+        own, chosen = name == "aerosonde", (i + j + k) % len(LAWS) == 0
+        in_test = chosen and (own or (name, case) in IN_TEST)
+        later = pytest.mark.soak if own or chosen else pytest.mark.counts
+        yield pytest.param(name, case, law, marks=pytest.mark.slow if in_test else later)
+
+
+@pytest.mark.parametrize(("name", "case", "law"), [*cases_and_laws()])
+def test_a_flight_is_that_of_jsbsim(monkeypatch, name, case, law):
+    made = CASES[case] if name == "aerosonde" else turning(name, case)
+
+    assert_compiled(monkeypatch, tables(**made, **LAWS[law]))
+
+
 ADOPTED = Path(__file__).parents[2] / "adopted"
 
+# Each adopted aircraft in one of the cases; the others are flown in `make counts`.
+ONE = {
+    *(("J3Cub", "actuators slow down"), ("T38", "gust"), ("B747", "gust")),
+    ("DHC6", "turbulence in wind"),
+}
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize(
-    ("case", "law"),
-    [pytest.param(*x, marks=[pytest.mark.soak] * (x not in FEW)) for x in product(CASES, LAWS)],
+    ("aircraft", "case"),
+    [
+        pytest.param(*x, marks=pytest.mark.soak if x in ONE else pytest.mark.counts)
+        for x in product(
+            ["J3Cub", "T38", "B747", "DHC6"], ["turbulence in wind", "gust", "actuators slow down"]
+        )
+    ],
 )
-@pytest.mark.parametrize("aircraft", ["x8", "a4", "c172p"])
-def test_so_is_that_of_each_shipped_aircraft(monkeypatch, aircraft, case, law):
-    assert_compiled(monkeypatch, tables(**turning(aircraft, case), **LAWS[law]))
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("case", ["turbulence in wind", "gust", "actuators slow down"])
-@pytest.mark.parametrize("aircraft", ["J3Cub", "T38", "B747", "DHC6"])
 def test_so_is_that_of_adopted_ones(monkeypatch, aircraft, case):
     assert_compiled(monkeypatch, tables(**turning(ADOPTED / aircraft, case), **LAWS["exact"]))
 
