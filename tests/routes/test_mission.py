@@ -1,17 +1,21 @@
 """What is read of plans, waypoint files, KML and GeoJSON, and what is refused."""
 
 import json
+import math
 from zipfile import ZIP_BZIP2, ZIP_DEFLATED, ZIP_LZMA, ZipFile
 
+import numpy as np
 import pytest
+import shapely
 from commands import answer, flighttune
 from fuzzing import refused_apart
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes import maps
+from flighttune.routes import maps, mission
 from flighttune.routes.items import listed_places
 from flighttune.routes.mission import read_route
+from flighttune.routes.path import Stretch
 
 NO_PLACE = (0, 0, 0, 0)
 
@@ -852,3 +856,58 @@ def test_a_wind_faster_than_the_aircraft_gives_a_sentence_and_no_infinity(tmp_pa
 
     assert "without an end against a wind of 30 m/s" in said
     assert not any(word in said for word in (" inf ", "∞"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "start", "length", "radius", "passed"),
+    [
+        ("leg", 100.0, 50.0, math.inf, []),
+        ("turn", 100.0, 50.0, 200.0, [125.0]),
+        ("turn-around", 100.0, 50.0, 200.0, [100.0, 125.0, 150.0]),
+        # 1000 m at a radius of 100 m turn by 10 rad, in parts of up to 45 deg
+        ("turn-around", 0.0, 1000.0, 100.0, np.linspace(0.0, 1000.0, 14)),
+    ],
+)
+def test_a_turn_is_passed_in_its_middle_and_a_turn_around_every_45_degrees(
+    kind, start, length, radius, passed
+):
+    stretch = Stretch(kind, 2, start, length, 0.0, 0.0, radius, 0.0, 0.0, "waypoint 2")
+
+    assert list(mission._passed(stretch)) == pytest.approx(list(passed))
+
+
+@pytest.mark.parametrize(
+    ("ends", "beyond"), [((0, 0, 10, 10), 0.0), ((-3, 0, 10, 10), 3.0), ((-3, -4, 10, 10), 5.0)]
+)
+def test_an_area_goes_beyond_another_as_far_as_its_farthest_place(ends, beyond):
+    found = mission._beyond(shapely.box(0, 0, 10, 10), shapely.box(*ends))
+
+    # in 14 halvings of a diagonal of up to 20 m; round ends of a buffer lie 0.5 % inside
+    assert beyond - 1e-9 <= found <= 1.01 * beyond + 20.0 / 2**14 + 1e-9
+
+
+def test_areas_without_details_stay_on_the_safe_side():
+    area = shapely.Polygon([(0, 0), (0, 100), (50, 100.5), (100, 100), (100, 0)])
+
+    zone, room = (mission._changed(area, outside, 2.0) for outside in (True, False))
+
+    assert zone.covers(area.buffer(-1e-9))
+    assert area.covers(room)
+    assert zone.bounds == pytest.approx((-2.0, -2.0, 102.0, 102.5), abs=1.0)
+    assert room.bounds == pytest.approx((2.0, 2.0, 98.0, 98.5), abs=1.0)
+    assert len(room.exterior.coords) < len(area.exterior.coords)
+
+
+def test_rings_of_an_area_have_its_holes_to_stay_out_of():
+    outer, hole = (shapely.box(*ends).exterior.coords for ends in ((0, 0, 90, 90), (9, 9, 20, 20)))
+    shape = shapely.Polygon(outer, [hole])
+    two = shapely.MultiPolygon([shape, shapely.box(200, 0, 300, 50)])
+
+    rings = mission._rings(two, False, (47.0, 8.0))
+
+    assert [out for _, out in rings] == [False, True, False]
+    assert mission._vertices(rings) == 12
+    (ring, _), *_ = mission._rings(shape, True, (47.0, 8.0))
+    again = mission._polygon(ring, (47.0, 8.0))
+    assert again.bounds == pytest.approx((0.0, 0.0, 90.0, 90.0), abs=0.01)
+    assert mission._rings(shapely.Polygon(), False, (47.0, 8.0)) == []

@@ -8,6 +8,7 @@ import pytest
 from scipy.special import fresnel
 
 import flighttune as ft
+from flighttune.routes import path as routes
 from flighttune.routes import turns
 from flighttune.routes.follow import airspeeds_along
 from flighttune.routes.path import Ability, Waypoint, plan
@@ -359,3 +360,136 @@ def test_a_route_descends_no_steeper_than_it_states():
     assert ft.route("circuit", changes=steep).reference.path.length == pytest.approx(1000.0)
     with pytest.raises(ft.InputError, match="deg"):
         ft.route("circuit", changes=shallow)
+
+
+def test_an_ability_turns_and_rolls_at_its_largest_speed_over_ground():
+    assert ABILITY.speed == 33.0
+    assert 1.0 / ABILITY.curvature == pytest.approx(RADIUS)
+    assert ABILITY.rolling(ABILITY.curvature) == pytest.approx(ROLLING)
+    # a gentler turn needs the roll of its own acceleration
+    roll = math.atan(33.0**2 / 9.81 / 400.0)
+    assert ABILITY.rolling(1.0 / 400.0) == pytest.approx(33.0 * roll / (24.0 * DEG))
+
+
+def test_places_of_a_path_are_those_of_its_lines():
+    route = [Waypoint(north=0, east=0), Waypoint(north=1000, east=0, up=50, name="gate 7")]
+    path = plan(route, ABILITY)
+
+    assert path.points(300.0).tolist() == pytest.approx([0.0, 300.0, 600.0, 900.0, 1000.0])
+    assert len(path.s) == len(path.north)
+    assert path.s[[0, 1, -1]].tolist() == [0.0, 1.0, len(path.north) - 1.0]
+    assert path.s[-1] == pytest.approx(1000.0 + 10.0 * 33.0, abs=1.0)
+    s = np.array([0.0, 250.5, 1000.0])
+    assert path.beside(s, 20.0, 3.0) == pytest.approx(
+        np.column_stack([s, [20.0] * 3, 0.05 * s - 3.0]), abs=1e-9
+    )
+    assert path.beside(s)[:, 1:] == pytest.approx(np.column_stack([0.0 * s, 0.05 * s]))
+    assert path.stretch_at(999.0).words == "leg to gate 7"
+    assert route[1].number == "7"
+
+
+def test_stretches_of_a_path_follow_each_other_and_have_their_words():
+    path = plan(points((0, 0), (900, 0), (900, 900), (0, 1200, 0, -1), (-900, 500)), ABILITY)
+
+    words = [x.words for x in path.stretches]
+    assert words == [
+        *("leg to waypoint 2", "turn at waypoint 2", "leg to waypoint 3", "turn at waypoint 3"),
+        *("leg to waypoint 4", "loiter at waypoint 4", "leg to waypoint 5"),
+    ]
+    for before, after in zip(path.stretches, path.stretches[1:], strict=False):
+        assert after.start == pytest.approx(before.start + before.length)
+        assert path.stretch_at(after.start) is after
+        assert path.stretch_at(after.start - 1e-6) is before
+        assert after.course == pytest.approx(before.course + before.turn, abs=1e-9)
+    assert path.length == pytest.approx(after.start + after.length)
+
+
+@pytest.mark.parametrize("radius", [100.0, 400.0])
+def test_circles_that_are_too_small_are_widened_or_refused(radius):
+    circle = Waypoint(north=1500, east=0, turns=1.0, radius=radius)
+    route = [Waypoint(north=0, east=0), circle, Waypoint(north=1500, east=2000)]
+
+    path = plan(route, replace(ABILITY, widen=True))
+
+    assert path.stretches[1].radius == pytest.approx(max(radius, RADIUS))
+    if radius < RADIUS:
+        with pytest.raises(ft.InputError, match=rf"2 must be at least {RADIUS:.0f}, got 100\."):
+            plan(route, ABILITY)
+
+
+@pytest.mark.parametrize(
+    ("point", "most"),
+    [
+        ({"up": 300}, 900.0 * math.tan(10.0 * DEG)),
+        ({"up": -300}, 900.0 * math.tan(8.0 * DEG)),
+        ({"up": 100, "climb": 4.0 * DEG}, 900.0 * math.tan(4.0 * DEG)),
+        ({"up": 100, "climb": 12.0 * DEG}, 900.0 * math.tan(10.0 * DEG)),
+    ],
+)
+def test_a_height_out_of_reach_is_refused_with_the_one_that_is_not(point, most):
+    able = replace(ABILITY, gamma=(-8.0 * DEG, 10.0 * DEG))
+    said = (
+        rf"waypoint 2 must differ by at most {most:.0f} m from that of waypoint 1, at .* -8\.0 to"
+    )
+
+    with pytest.raises(ft.InputError, match=said):
+        plan([Waypoint(north=0, east=0), Waypoint(north=900, east=0, **point)], able)
+    if "climb" not in point:
+        up = math.copysign(0.999 * most, point["up"])
+        plan([Waypoint(north=0, east=0), Waypoint(north=900, east=0, up=up)], able)
+
+
+def test_a_leg_that_is_too_short_says_by_how_much():
+    """A right angle at its end takes `reach` of it, by the test above."""
+    path = plan(points((0, 0), (1000, 0), (1000, 1000)), ABILITY)
+    reach = 1000.0 - path.stretches[0].length
+
+    with pytest.raises(ft.InputError, match=rf"waypoint 2 must be {reach - 100:.0f} m longer"):
+        plan(points((0, 0), (100, 0), (100, 900)), ABILITY)
+
+
+@pytest.mark.parametrize("seconds", [30.0, 30.4])
+def test_a_route_must_be_flown_in_the_time_of_a_flight(seconds):
+    """1000 m at 33 m/s take 30.3 s."""
+    route, able = points((0, 0), (1000, 0)), replace(ABILITY, duration=seconds)
+    if seconds > 1000.0 / 33.0:
+        assert plan(route, able).length == pytest.approx(1000.0)
+        return
+    with pytest.raises(ft.InputError, match=r"waypoint 2 must .* 990 m at 33 m/s .* got 1000 m"):
+        plan(route, able)
+
+
+@pytest.mark.parametrize("part", [-1, 0, 3, 8, None])
+def test_a_turn_around_is_the_shortest_with_room_or_the_one_that_needs_least(part):
+    start, end = turns.Pose(0.0, 0.0, 0.0), turns.Pose(0.0, 60.0, math.pi)
+    tried = []
+    for share in turns.SHARES:
+        k = share * AROUND.curvature
+        tried += turns.ways(start, end, k, AROUND.rolling(k))
+    sizes = [(sum(x.length for x in way), turns.farthest(way, start, end)) for way in tried]
+    asides = sorted(aside for _, aside in sizes)
+    room = math.inf if part is None else 0.9 * asides[0] if part < 0 else asides[part]
+
+    laid = routes._around(2, start, end, replace(AROUND, turnaround=room))
+
+    inside = [size for size in sizes if size[1] <= room]
+    length, aside = min(inside) if inside else min(sizes, key=lambda size: size[1])
+    assert (laid.length, laid.aside) == pytest.approx((length, aside))
+    assert bool(inside) == (part != -1)
+
+
+def test_the_distance_of_a_way_from_its_line_is_that_of_its_farthest_point():
+    """A half circle of radius 50 m, whose ends are 100 m apart, and a circle back to its start."""
+    half = [turns.Piece(50.0 * math.pi, 0.02, 0.02)]
+    start = turns.Pose(7.0, -3.0, 0.4)
+    north, east = start.beside(0.0, 100.0)
+
+    assert turns.farthest(half, start, turns.Pose(north, east, 0.4 + math.pi)) == pytest.approx(
+        50.0, rel=1e-3
+    )
+    assert turns.farthest(2 * half, start, start) == pytest.approx(100.0, rel=1e-3)
+    # beyond the ends of the line it is the distance from the nearer end
+    ahead = [turns.Piece(80.0, 0.0, 0.0)]
+    assert turns.farthest(ahead, start, turns.Pose(*start.beside(50.0, 0.0), 0.4)) == pytest.approx(
+        30.0, rel=1e-6
+    )

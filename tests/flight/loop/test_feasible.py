@@ -3,10 +3,12 @@
 import math
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from made_up import scenario_tables
+from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.flight import conditions
@@ -198,3 +200,131 @@ def test_a_fast_controller_does_not_make_the_plan_slow(found):
 
     assert duration == pytest.approx(found.duration, abs=0.01)
     assert time.process_time() - began < 4.0
+
+
+def test_samples_are_held_or_joined_by_lines_and_nothing_changes_after_the_last():
+    planned = np.array([[0.1, 1.0], [0.2, 1.1], [0.0, 0.9], [9.0, 9.0]])
+    reference = feasible.FeasibleReference(
+        duration=1.0, dt=0.5, chi=np.array([0.0, 0.1, 0.3]), gamma=np.array([0.2, 0.1, 0.1]),
+        planned=planned[:3], g=9.81,
+    )  # fmt: skip
+    t = np.array([0.0, 0.25, 0.5 - 1e-9, 0.5, 0.75, 1.0, 1.5, 9.0])
+
+    chi, gamma = reference.sampled(t)
+    assert chi == pytest.approx([0.0, 0.05, 0.1, 0.1, 0.2, 0.3, 0.3, 0.3])
+    assert gamma == pytest.approx([0.2, 0.15, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
+    chi_dot, gamma_dot = reference.rates(t)
+    assert chi_dot == pytest.approx([0.2, 0.2, 0.4, 0.4, 0.4, 0.0, 0.0, 0.0])
+    assert gamma_dot == pytest.approx([-0.2, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    rows = [0, 0, 1, 1, 1, 2, 2, 2]  # rounding takes none back to the sample before
+    assert reference.commands(t).tolist() == planned[rows].tolist()
+    assert reference.initial == (0.0, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "change"),
+    [((3.0, 0.1), (-3.0, 0.3), (math.tau - 6.0, 0.2)), ((0.5, 0.3), (0.2, -0.1), (-0.3, -0.4))],
+)
+def test_a_change_is_the_shorter_way_round(start, end, change):
+    assert replace(PAPER, start=start, end=end).change == pytest.approx(change)
+    assert replace(PAPER, end=end).u_end == pytest.approx((0.0, math.cos(end[1])))
+
+
+@pytest.mark.parametrize(
+    ("dt", "frequency", "longest"),
+    # Steps are samples, or a part of the time constant of the faster lag; 40 000 in 200 s at most.
+    [
+        (0.02, None, 200.0),
+        (0.001, None, 40.0),
+        (0.02, 1e3, 40_000 * feasible.FINEST / 1e3),
+        (0.001, 0.1, 40.0),
+    ],
+)
+def test_a_change_may_take_as_long_as_its_computation(dt, frequency, longest):
+    lags = None
+    if frequency:
+        lags = tuple(
+            ft.loop.InnerLag(order=1, natural_frequency=w) for w in (0.5 * frequency, frequency)
+        )
+    assert replace(PAPER, dt=dt, lags=lags).longest == pytest.approx(longest)
+
+
+@pytest.mark.parametrize(
+    ("lag", "rest"),
+    [
+        ({"order": 1, "natural_frequency": 4.0, "damping": 0.5, "delay": 0.1}, 0.1 + 12.0 / 4.0),
+        ({"order": 2, "natural_frequency": 4.0, "damping": 0.5}, 12.0 / 2.0),
+        ({"order": 2, "natural_frequency": 4.0, "damping": 2.0, "lag": 9.0}, 12.0 / 4.0),
+        ({"order": 3, "natural_frequency": 4.0, "damping": 0.5, "lag": 0.3}, 12.0 * (0.5 + 0.3)),
+    ],
+)
+def test_a_lag_rests_after_twelve_time_constants_of_its_slowest_poles(lag, rest):
+    assert feasible._settling(ft.loop.InnerLag(**lag)) == pytest.approx(rest)
+
+
+GENTLE = replace(PAPER, start=(1.0, 0.2), end=(0.0, 0.1), u_0=(0.0, math.cos(0.2)))
+
+
+def drawn_plans(count=3):
+    """Plans near the first one."""
+    rng, plan = np.random.default_rng(4), feasible._first_plan(GENTLE)
+    return plan * rng.uniform(0.9, 1.1, (count, len(plan)))
+
+
+def at_knots(x, manoeuvre=GENTLE):
+    """Roll and load factor of a plan at its knots."""
+    phi, n_z = x[: feasible.KNOTS - 1], x[feasible.KNOTS - 1 : -1]
+    ends = zip(manoeuvre.u_0, manoeuvre.u_end, strict=True)
+    return [[first, *inner, last] for (first, last), inner in zip(ends, (phi, n_z), strict=True)]
+
+
+# Of 64 steps of the classical Runge-Kutta method in a change of some 8 s, rad.
+INTEGRATION = 1e-6
+
+
+def test_a_plan_misses_the_end_by_the_flight_of_the_exact_point_mass():
+    plans = drawn_plans()
+
+    missed = feasible._missed(GENTLE, plans)
+
+    for x, found in zip(plans, missed, strict=True):
+        knots, (phi, n_z) = np.linspace(0.0, x[-1], feasible.KNOTS + 1), at_knots(x)
+
+        def rates(t, y, knots=knots, phi=phi, n_z=n_z):
+            bank, lift = np.interp(t, knots, phi), np.interp(t, knots, n_z)
+            turn = lift * math.sin(bank) / math.cos(y[1])
+            return 9.81 / 25.0 * np.array([turn, lift * math.cos(bank) - math.cos(y[1])])
+
+        y = np.array(GENTLE.start)
+        for low, high in pairwise(knots):  # between kinks
+            y = solve_ivp(rates, (low, high), y, rtol=1e-9, atol=1e-10).y[:, -1]
+        assert found == pytest.approx(y - np.array(GENTLE.end), abs=INTEGRATION)
+
+
+def test_the_rows_of_the_rate_limits_are_those_of_the_changes_between_knots():
+    rows, bounds = feasible._rate_rows(replace(GENTLE, rate_lower=(-0.3, -0.7)))
+
+    for x in drawn_plans():
+        steps, excess = np.diff(at_knots(x)), rows @ x - bounds
+        most = x[-1] / feasible.KNOTS * np.array([[0.3, 0.7], GENTLE.rate_upper])
+        expected = [
+            sign * steps[i] - most[side, i] for i in range(2) for side, sign in enumerate((-1, 1))
+        ]
+        assert excess == pytest.approx(np.concatenate(expected))
+
+
+@pytest.mark.parametrize(("turn", "bank"), [(-1.0, -18.0), (1.0, 15.0), (0.0, 0.0)])
+def test_the_first_plan_rolls_to_half_of_the_limit_and_back(turn, bank):
+    manoeuvre = replace(PAPER, end=(PAPER.start[0] + turn, PAPER.end[1]), upper=(30.0 * DEG, 1.88))
+
+    *plan, duration = feasible._first_plan(manoeuvre)
+
+    phi, n_z = at_knots(np.append(plan, duration), manoeuvre)
+    share = np.linspace(0.0, 1.0, feasible.KNOTS + 1)
+    if turn:
+        assert phi == pytest.approx(bank * DEG * np.sin(math.pi * share))
+    assert n_z == pytest.approx(
+        math.cos(45.0 * DEG) + share * (math.cos(15.0 * DEG) - math.cos(45.0 * DEG))
+    )
+    turning = abs(turn) / (9.81 / 25.0 * math.tan(bank * DEG)) if turn else 0.0
+    assert duration == pytest.approx(2.0 + abs(turning) + 30.0 * DEG * 25.0 / 9.81)
