@@ -8,6 +8,7 @@ import pytest
 from fuzzing import slow
 from log_columns import ERRORS, RIGHT, STEP, G, axes_of, outer_loop, sampled
 from log_files import heavy_cessna
+from made_up import made_up_run
 from scipy import constants
 
 import flighttune as ft
@@ -453,6 +454,7 @@ def turned(by):
         (relation_of(), -A, A, ("contradicts", -1.0, 0.0)),
         (relation_of(), np.roll(A, 8), A, ("agrees", 1.0, 0.8)),
         (relation_of(), np.roll(A, 25), A, ("contradicts", 1.0, 2.5)),
+        (relation_of(), np.roll(A, -25), A, ("contradicts", 1.0, -2.5)),
         (relation_of(lag=(-3.0, 3.0)), np.roll(A, 25), A, ("agrees", 1.0, 2.5)),
         (relation_of(), 0.5 * A + B, A, ("unlike", 1.118, 0.0)),
         (relation_of(rests_on="loop"), 0.5 * A + B, A, ("cannot tell", 1.118, 0.0)),
@@ -464,7 +466,6 @@ def turned(by):
         (relation_of("values"), A + 10.0, B + 10.0, ("agrees", 1.0, 0.0)),
         (relation_of("values", turned=0.2), *turned(0.19), ("agrees", 1.0, 0.0)),
         (relation_of("values", turned=0.2), *turned(-0.21), ("contradicts", 1.0, 0.0)),
-        (relation_of(), A[:99], A[:99], ("cannot tell", math.nan, math.nan)),
     ],
 )
 def test_two_columns_are_judged_by_likeness_time_and_ratio(relation, column, other, expected):
@@ -665,3 +666,89 @@ def test_a_log_is_of_an_aeroplane_that_flew(signals, vehicle, says):
         return
     with pytest.raises(ft.RecordingError, match=re.escape(says)):
         checks.check_flight("a log", signals, vehicle)
+
+
+@pytest.mark.parametrize(("n", "told"), [(99, False), (100, True)])
+def test_columns_are_judged_from_ten_seconds_on(n, told):
+    match = checks._judged(relation_of(), 3.0 * A[:n], 3.0 * A[:n], 0.1)
+
+    assert match.why == ("" if told else "it and the others last less than 10 s")
+
+
+RESPONSES = (
+    "theta",
+    "V_err",
+    "height_err",
+    *"pqr",
+    "f_x",
+    "n_z",
+    "n_z_cmd",
+    "phi_cmd",
+    "h",
+    "down",
+)
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_the_ratio_of_a_column_grows_with_it_and_the_value_from_others_does_not(agreeing, name):
+    larger = agreeing | {name: 1.2 * agreeing[name]}
+
+    for relation in (x for x in relations.RELATIONS if x.name == name and x.others != "down"):
+        before, after = (checks._match(relation, Motion(x, 0.1)) for x in (agreeing, larger))
+        assert after.ratio == pytest.approx(1.2 * before.ratio, rel=1e-6)
+        assert after.alike == pytest.approx(before.alike, abs=1e-6)
+
+
+def test_logs_whose_columns_contradict_each_other_are_refused():
+    right, wrong = (
+        made_up_run({"phi": [0.0]}, scenario={"log": {"wrong": said}})
+        for said in ([], ["p is off"])
+    )
+
+    checks.refuse_wrong(right, made_up_run({"phi": [0.0]}))
+    with pytest.raises(ft.InputError, match=r"columns of the log must agree: p is off\. Where"):
+        checks.refuse_wrong(right, wrong)
+
+
+def test_a_relation_that_does_not_hold_has_the_changes_that_may_mend_it():
+    """A roll rate in degrees with the other sign, which is not of the instrument's two others."""
+    given = {name: np.arange(200.0) for name in ("phi", *"pqr")}
+    motion, relation = Motion(given, 0.1), relations.RELATIONS[0]
+
+    def cures(used="p", **match):
+        found = checks.Match("contradicts", frozenset(used), alike=0.9, **match)
+        return {(cure.columns, cure.words): cure for cure in checks._cures(motion, relation, found)}
+
+    turned, all_three = "a factor of -1 would do (its sign is turned)", ("p", "q", "r")
+    unit = "a factor of -0.01745 would do (deg read as rad and its sign turned)"
+    exchanges = {(pair, f"p and {pair[1]} exchanged would do") for pair in (("p", "q"), ("p", "r"))}
+    found = cures(ratio=-57.3, lag=0.0)
+    assert {*found} == exchanges | {
+        (("p",), ""), (("p",), turned), (("p",), unit),
+        (all_three, f"{turned} to p, q and r"), (all_three, f"{unit} to p, q and r"),
+    }  # fmt: skip
+    for (columns, words), factor in (
+        ((("p",), turned), -1.0), ((all_three, f"{unit} to p, q and r"), -math.pi / 180.0),
+    ):  # fmt: skip
+        after = found[columns, words].apply(given)
+        assert after["phi"] is given["phi"]
+        assert all(after[name] == pytest.approx(factor * given[name]) for name in columns)
+    assert found[("p",), turned].cost < found[all_three, f"{turned} to p, q and r"].cost
+    assert found[("p",), unit].cost < found[("p",), ""].cost
+
+    found = cures(ratio=1.1, lag=2.0)  # 10 % is no mistake of a unit
+    late = "a shift by -2.0 s"
+    assert {*found} == exchanges | {
+        (("p",), ""), (("p",), f"{late} would do"), (all_three, f"{late} of p, q and r would do"),
+    }  # fmt: skip
+    after = found[("p",), f"{late} would do"].apply(given)
+    assert after["p"][:180] == pytest.approx(given["p"][20:])
+    # what is wrong may be the other side, whose factor and shift are the opposite
+    found = cures(["phi"], ratio=57.3, lag=2.0)
+    words = {words for columns, words in found if columns == ("phi",)}
+    assert words == {
+        "",
+        "a factor of 57.3 would do (rad read as deg) to phi",
+        "a shift by +2.0 s of phi would do",
+    }
+    assert {words for _, words in cures(["phi"], ratio=5.0, lag=0.0)} == {""}
