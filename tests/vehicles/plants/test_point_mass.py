@@ -291,3 +291,100 @@ def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
 def test_flight_conditions_that_cannot_be_are_refused(change, message):
     with pytest.raises(ft.InputError, match=message):
         ft.loop.FlightCondition(**{"V_a": 25.0, **change})
+
+
+def test_winds_lags_and_a_disturbance_agree_with_another_integrator_for_a_moment():
+    dt, count, lags = 0.02, 15, (OVERDAMPED, FIRST_ORDER)
+    wind = WindRecord(
+        t=np.array([0.0, 0.13, 0.3]),
+        wind=np.array([[1.0, -2.0, 0.5], [3.0, 1.0, -1.0], [0, 4.0, 1]]),
+    )
+    commands = weaving(count, dt)
+    start = ft.loop.FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
+
+    end = fly(ft.loop.PointMassPlant(lags, wind=wind), start, commands, dt)
+
+    state = by_dop853(lags, wind, commands, dt)
+    north, east, down = 25.0 * along(*state[:2]) + wind.at(count * dt)
+    assert end["chi"] == pytest.approx(math.atan2(east, north), abs=INTEGRATION)
+    assert end["gamma"] == pytest.approx(
+        math.atan2(-down, math.hypot(north, east)), abs=INTEGRATION
+    )
+    assert (end["north"], end["east"], end["down"]) == pytest.approx(state[2:5], abs=METRE)
+    assert (end["phi"], end["n_z"]) == pytest.approx((state[5], state[8]), abs=INTEGRATION)
+    assert end["V_g"] == pytest.approx(math.hypot(north, east, down), abs=METRE)
+
+
+def test_a_point_with_thrust_gains_speed_by_what_is_left_of_it_in_a_climb():
+    """In air that moves faster and faster, whose change along the path is lost as airspeed."""
+    wind = WindRecord(t=np.array([0.0, 1.0]), wind=np.array([[0.0, 0.0, 0.0], [3.0, 2.0, -1.0]]))
+    lags = (FIRST_ORDER, FIRST_ORDER, ft.loop.InnerLag(order=1, natural_frequency=4.0))
+    plant = ft.loop.PoweredPointMass((-0.2, 0.5), lags, wind=wind, disturbance=swing)
+    plant.start(ft.loop.FlightCondition(V_a=25.0, chi=0.3, gamma=0.2, phi=0.1, n_z=1.1))
+    for _ in range(10):
+        # as much as its engine gives: half a weight
+        assert plant.advance(0.1, 1.1, 0.1, 0.9) is None
+    end = seen(plant)
+
+    def rates(t, x):
+        chi, gamma, V_a, *_ = x
+        n_x = 0.5 + (math.sin(0.2) - 0.5) * math.exp(-4.0 * t)
+        change = np.array([3.0, 2.0, -1.0])
+        ahead, right = along(chi, gamma), np.array([-math.sin(chi), math.cos(chi), 0.0])
+        up = np.cross(right, ahead)
+        d_chi, d_gamma = swing(t)
+        return [
+            (G * 1.1 * math.sin(0.1) - change @ right) / (V_a * math.cos(gamma)) + d_chi,
+            (G * (1.1 * math.cos(0.1) - math.cos(gamma)) - change @ up) / V_a + d_gamma,
+            G * (n_x - math.sin(gamma)) - change @ ahead,
+            *(V_a * ahead + t * change),
+        ]
+
+    x = solve_ivp(rates, (0.0, 1.0), [0.3, 0.2, 25.0, 0, 0, 0], rtol=1e-10, atol=1e-10).y[:, -1]
+    assert end["V_a"] == pytest.approx(x[2], abs=METRE)
+    assert (end["north"], end["east"], end["down"]) == pytest.approx(x[3:], abs=METRE)
+    over = x[2] * along(x[0], x[1]) + [3.0, 2.0, -1.0]
+    assert end["chi"] == pytest.approx(math.atan2(over[1], over[0]), abs=INTEGRATION)
+    assert end["n_x"] == pytest.approx(0.5 + (math.sin(0.2) - 0.5) * math.exp(-4.0))
+    assert plant.limits.lower[2] == -0.2
+    assert plant.limits.upper[2] == 0.5
+
+
+@pytest.mark.parametrize("n_x", [(0.5, 0.5), (0.5, -0.2)])
+def test_a_range_of_thrust_that_does_not_rise_is_refused(n_x):
+    with pytest.raises(ft.InputError, match="`n_x` must be a rising range"):
+        ft.loop.PoweredPointMass(n_x)
+
+
+def test_a_point_that_stops_or_loses_its_course_ends_its_flight():
+    slow = ft.loop.PoweredPointMass((-0.9, 0.5))
+    slow.start(ft.loop.FlightCondition(V_a=2.0))
+    lost = ft.loop.PointMassPlant(turn="paper", disturbance=lambda t: (0.0, -900.0))
+    lost.start(START)
+
+    # 0.9 g for 0.12 s take 1.06 m/s
+    stops = slow.advance(0.0, 1.0, 0.1, -0.9), slow.advance(0.0, 1.0, 0.02, -0.9)
+    ways = lost.advance(0.1, 1.0, 1.1), lost.advance(0.1, 1.0, 0.02)
+
+    assert stops[0] is None
+    assert (stops[1].status, stops[1].reason) == (
+        "left_envelope", f"airspeed {2.0 - 0.9 * G * 0.12:.3g} m/s at t = 0.12 s.",
+    )  # fmt: skip
+    assert ways[0] is None
+    assert ways[1].status == "diverged"
+    assert "at t = 1.12 s" in ways[1].reason
+
+
+@pytest.mark.parametrize("turn", ["paper", "exact"])
+def test_rates_of_a_turn_are_those_of_both_laws(turn):
+    """`tan(phi)` for a level turn, and what the lift gives: 30 deg of bank in a climb of 60."""
+    chi_dot, gamma_dot = turn_rates(
+        np.array([20.0, 40.0]), gamma=math.pi / 3, phi=math.pi / 6, n_z=1.2, turn=turn, g=10.0
+    )
+
+    turning = math.tan(math.pi / 6) if turn == "paper" else 1.2 * 0.5 / 0.5
+    assert chi_dot == pytest.approx([turning / 2.0, turning / 4.0])
+    rise = 1.2 * math.sqrt(0.75) - 0.5
+    assert gamma_dot == pytest.approx([rise / 2.0, rise / 4.0])
+    with pytest.raises(ft.InputError, match="`V_a` must be positive, got 0 m/s"):
+        turn_rates(0.0, 0.0, 0.0, 1.0)
