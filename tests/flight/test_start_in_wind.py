@@ -45,8 +45,8 @@ def seen(plant):
 
 
 def through_air(now, from_deg, down=0.0):
-    """Velocity over ground less that of the wind, m/s in NED; V_g of JSBSim is level."""
-    level = now["V_g"] if "psi" in now else now["V_g"] * math.cos(now["gamma"])
+    """Velocity over ground less that of the wind, m/s in NED; V_g is level."""
+    level = now["V_g"]
     blows = math.radians(from_deg + 180.0)
     return np.array(
         [

@@ -185,7 +185,7 @@ class PointMassPlant:
             over_ground = v_n + w_n, v_e + w_e, v_d + w_d
             chi, gamma = course_of(over_ground)
             self._chi += math.remainder(chi - self._chi, math.tau)
-            chi, wind_signals = self._chi, (*wind, math.hypot(*over_ground))
+            chi, wind_signals = self._chi, (*wind, math.hypot(*over_ground[:2]))
         # Without lags the command is flown at once.
         phi, n_z, *n_x = [channel.at(self._t) for channel in self._channels] or self._command
         further = (*wind_signals, *n_x, *self._range)

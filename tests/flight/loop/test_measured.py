@@ -1,12 +1,15 @@
 """What is known of the motion of an aircraft, against motions in closed form."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from flighttune.flight.loop.measured import Moving
+import flighttune as ft
+from flighttune.flight.loop.measured import Moving, measured_of
 from flighttune.vehicles.plants import sensors
+from flighttune.vehicles.plants.weather import WindRecord
 
 DT = 0.02
 WIND = (3.0, -2.0, 0.0)
@@ -119,3 +122,91 @@ def test_errors_are_drawn_on_as_far_as_a_flight_needs_them():
     assert [row for (row,) in sensors.DrawnErrors(draw, 4, 0)] == [0.0, 1.0, 2.0, 3.0]
     assert asked[3:] == [1, 2, 4]
     assert len(sensors.DrawnErrors(draw, 4, 99).values) == 4
+
+
+def given(names, now, before=None, dt=0.5):
+    """What a law is given of a plant with these signals, at a second sample after one before."""
+    measured = measured_of(SimpleNamespace(signals=tuple(names)), 400.0, dt)
+    if before:
+        measured(tuple(before[name] for name in names))
+    return measured(tuple(now[name] for name in names))
+
+
+SEEN = {
+    "chi": 0.7, "gamma": 0.1, "phi": 0.3, "n_z": 1.2, "V_a": 25.0, "north": 110.0, "east": 60.0,
+    "down": -5.0, "wind_north": 3.0, "wind_east": -2.0, "wind_down": 0.5, "elevator": 0.05,
+    "h": 907.0, "theta": 0.15, "n_x": 0.2, "n_x_min": -0.1, "n_x_max": 0.4,
+}  # fmt: skip
+
+
+def test_a_law_is_given_each_signal_that_the_plant_has_and_nothing_for_the_others():
+    whole, bare = given(SEEN, SEEN), given(ft.loop.COMMON_SIGNALS, SEEN)
+
+    common = (0.7, 0.1, 25.0, 0.3, 1.2)
+    assert (whole[:5], bare[:5]) == (common, common)
+    assert (whole.h, bare.h) == (907.0, 405.0)
+    assert whole.position == bare.position == (110.0, 60.0, -5.0)
+    assert whole.wind == (3.0, -2.0, 0.5)
+    assert whole.n_x == (0.2, -0.1, 0.4)
+    assert (whole.theta, whole.elevator) == (0.15, 0.05)
+    assert (bare.wind, bare.n_x, bare.theta, bare.elevator) == (None,) * 4
+    assert bare.V_g == pytest.approx(25.0 * math.cos(0.1))
+    through_air = given([*SEEN, "chi_ground", "gamma_ground"], SEEN | dict.fromkeys(
+        ("chi_ground", "gamma_ground"), 9.0
+    ))  # fmt: skip
+    assert through_air.wind is None
+    assert through_air.V_g == bare.V_g  # as in still air
+    assert given([x for x in SEEN if x != "elevator"], SEEN).theta is None
+
+
+def test_a_law_is_given_the_velocity_over_ground_and_the_acceleration_through_the_air():
+    """5 m/s north and 10 down, from 22 level ones, in a wind that stands: over half a second."""
+    before = SEEN | {"north": 107.5, "east": 60.0, "down": -10.0, "chi": 0.0, "gamma": 0.0}
+    before |= {"wind_east": 0.0}
+
+    found = given(SEEN, SEEN | {"chi": 0.0, "wind_east": 0.0}, before)
+
+    assert found.V_g == 5.0
+    assert found.velocity == (5.0, 0.0, 10.0)
+    air = np.array([5.0 - 3.0, 0.0, 10.0 - 0.5])
+    change = np.array([5.0 - (25.0 + 3.0), 0.0, 10.0])
+    assert found.acceleration == pytest.approx(change @ air / np.linalg.norm(air) / 0.5)
+
+
+def test_a_law_with_an_estimator_is_given_what_that_sees_of_a_climb_in_wind():
+    """Its position, velocity and wind are those with their errors, its acceleration too."""
+    error = [0.01, -0.02, 0.5, 0.03, 0.04, 1.5, -2.5, 7.0, 0.0, 0.0, 0.25, 0.2, -0.3, 0.6, 0.35]
+    errors = sensors.DrawnErrors(lambda n: np.array([error] * n), 9, 9)
+    air = WindRecord.steady((3.0, -2.0, 0.0))
+    plant = sensors.SensedPlant(ft.loop.PointMassPlant(wind=air), errors, 0.5, 400.0, share=0.25)
+    plant.start(ft.loop.FlightCondition(V_a=25.0, chi=0.4, gamma=0.2))
+    measured = measured_of(plant, 400.0, 0.5)
+
+    def sample():
+        row = dict(zip(plant.signals, plant.observe(), strict=True))
+        return row, measured(tuple(row.values()))
+
+    old, first = sample()
+    plant.advance(0.0, math.cos(0.2), 0.5)
+    now, found = sample()
+
+    names = "chi_meas", "gamma_meas", "V_a_meas", "phi_meas", "n_z_meas"
+    assert found[:5] == tuple(now[name] for name in names)
+    assert found.h == now["h_meas"] == pytest.approx(400.0 - now["down"] + 7.0)
+    assert found.position == pytest.approx(
+        (now["north"] + 1.5, now["east"] - 2.5, now["down"] - 7.0)
+    )
+    # an estimate that moves on by a quarter a sample
+    wind = np.array([3.0, -2.0, 0.0])
+    off = np.array([0.2, -0.3, 0.6])
+    once = wind + off
+    assert first.wind == pytest.approx(once)
+    assert found.wind == pytest.approx(0.25 * wind + 0.75 * once + off)
+    V_g = math.hypot(now["north"] - old["north"], now["east"] - old["east"]) / 0.5
+    sink = (now["down"] - old["down"]) / 0.5
+    seen_at = V_g * math.cos(found.chi), V_g * math.sin(found.chi), sink - 0.25
+    assert found.V_g == pytest.approx(V_g)
+    assert V_g == pytest.approx(now["V_g"])
+    assert found.velocity == pytest.approx(seen_at)
+    # unaccelerated flight, and what the sensor errs
+    assert found.acceleration == pytest.approx(0.35, abs=0.2)
