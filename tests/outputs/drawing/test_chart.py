@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from flighttune.outputs.drawing import chart as charts
 from flighttune.outputs.drawing.chart import Chart, Sheet, ticks
 
 BLUE, RUST = "#1F78B4", "#B15928"
@@ -144,3 +145,175 @@ def test_a_step_with_one_round_value_between_the_ends_gives_way_to_the_next_smal
     values = [value for value, _ in ticks((4.0 * sign, 88.0 * sign), 2.0)]
 
     assert sorted(sign * value for value in values) == [20.0, 40.0, 60.0, 80.0]
+
+
+@pytest.mark.parametrize(
+    ("ends", "count", "labels"),
+    [
+        ((1.0, 1000.0), 5.0, ["1", "10", "100", "1000"]),
+        ((1.0, 100.0), 5.0, ["1", "2", "5", "10", "20", "50", "100"]),
+        ((1e-8, 1e8), 3.0, ["10⁻⁸", "10⁻⁴", "1", "10⁴", "10⁸"]),
+        ((1e-3, 9e-3), 3.0, ["10⁻³", "2·10⁻³", "5·10⁻³"]),
+        ((0.9e-2, 6e4), 12.0, ["0.01", "0.1", "1", "10", "100", "1000", "10⁴"]),
+        ((30.0, 70.0), 3.0, ["30", "40", "50", "60", "70"]),  # one of 1, 2 and 5 is too few
+    ],
+)
+def test_labels_of_a_logarithmic_axis_are_decades_with_2_and_5_if_there_are_few(
+    ends, count, labels
+):
+    assert [label for _, label in ticks(ends, count, log=True)] == labels
+
+
+@pytest.mark.parametrize(
+    ("log", "values", "ends"),
+    [
+        ("", [0.0, 10.0], (-0.5, 10.5)),
+        ("", [np.nan, 4.0, -np.inf, 4.0], (2.0, 6.0)),
+        ("", [0.2, 0.2], (-0.3, 0.7)),
+        ("", [], (0.0, 1.0)),
+        ("y", [-3.0, 0.0], (0.1, 1.0)),
+        ("y", [-3.0, 1.0, 100.0], (10.0**-0.1, 10.0**2.1)),
+        ("y", [2.0, 2.2], (2.0 / 1.05, 2.2 * 1.05)),
+    ],
+)
+def test_an_axis_has_a_twentieth_of_room_around_its_data(log, values, ends):
+    chart = Chart(title="", log=log)
+    chart.line(np.arange(len(values)), values, BLUE)
+
+    assert chart.y_ends() == pytest.approx(ends)
+
+
+def test_the_room_of_an_x_axis_is_asked_for():
+    charts = [Chart(title="", x_room=room) for room in (0.0, 0.1)]
+    for chart in charts:
+        chart.line([2.0, 4.0], [0.0, 1.0], BLUE)
+
+    assert [chart.x_ends() for chart in charts] == [(2.0, 4.0), pytest.approx((1.8, 4.2))]
+
+
+@pytest.mark.parametrize("extent", [(100.0, 1.0), (1.0, 100.0)])
+def test_equal_scales_have_room_for_both_extents_about_their_middles(extent):
+    chart = Chart(title="", equal=True)
+    chart.line([0.0, extent[0]], [0.0, extent[1]], BLUE)
+
+    x, y = chart.x_ends(), chart.y_ends()
+
+    # 392 x 192 pixels: 460 and 236 without the margins of 58, 10, 8 and 36
+    assert (x[1] - x[0]) / 392.0 == pytest.approx((y[1] - y[0]) / 192.0)
+    assert (sum(x), sum(y)) == pytest.approx(extent)
+    # data of the longer axis with its twentieth fill it but for 4 %
+    longer = max(extent[0] / (x[1] - x[0]), 1.1 * extent[1] / (y[1] - y[0]))
+    assert longer == pytest.approx(1.0 / 1.04, rel=1e-6)
+
+
+UNIT = {"x_range": (0.0, 10.0), "y_range": (0.0, 5.0)}
+
+
+def pixels(x, y, numbers=1):
+    """Where values of `UNIT` are drawn, right and down, as sums of written `numbers`."""
+    return pytest.approx((39.2 * x, 192.0 - 38.4 * y), abs=numbers * TENTH)
+
+
+def elements(chart, tag):
+    """Marks of a chart by tag, without the axis and the grid."""
+    (plot,) = (one for one in drawn(chart).iter(f"{SVG}svg") if one.get("class") == "plot")
+    return [one for one in plot.iter(f"{SVG}{tag}") if one.get("class") not in ("axis", "grid")]
+
+
+def test_bars_stand_at_their_places_between_their_ends():
+    chart = Chart(title="", **UNIT)
+    chart.bars([0.0, 4.0], [3.0, 1.0], [BLUE, RUST], x=[2.0, 5.0])
+
+    ends = (2, 0, 3), (5, 1, 4)
+    for bar, (place, low, high) in zip(elements(chart, "rect"), ends, strict=True):
+        left, top, wide, tall = (float(bar.get(key)) for key in ("x", "y", "width", "height"))
+        assert (left, top) == pixels(place - 0.32, high)
+        assert (left + wide, top + tall) == pixels(place + 0.32, low, 2)
+    alone = Chart(title="")
+    alone.bars([0.0, 0.0], [1.0, 1.0], [BLUE, BLUE])
+    assert alone.x_ends() == (-0.5, 1.5)
+
+
+def test_lines_across_and_spans_are_where_they_are_asked_for():
+    chart = Chart(title="", **UNIT)
+    chart.level(2.0, RUST)
+    chart.upright(3.0)
+    chart.spans([(1.0, 2.0), (4.0, 6.0)], 0.25, BLUE)
+    chart.spans([], 0.5, BLUE)
+
+    level, upright, spans = (one.get("d") for one in elements(chart, "path"))
+    assert level == "M0,115.2H392.0"
+    assert upright == "M117.6,0V192.0"
+    assert spans == "M39.2,144.0H78.4M156.8,144.0H235.2"
+
+
+def test_points_are_drawn_in_their_shapes_and_those_without_a_value_are_not():
+    chart = Chart(title="", **UNIT)
+    chart.points([1.0, np.nan, 3.0], [1.0, 1.0, 2.0], BLUE, filled=[True, True, False], size=4.0)
+    chart.points(5.0, 2.5, RUST, shape="cross", size=5.0, tips=["here"])
+    chart.points(5.0, 2.5, RUST, shape="plus", size=6.0)
+
+    first, hollow = elements(chart, "circle")
+    assert [float(first.get(x)) for x in ("cx", "cy", "r")] == [39.2, 153.6, 4.0]
+    assert (float(hollow.get("cx")), float(hollow.get("cy"))) == pixels(3.0, 2.0)
+    assert (first.get("fill"), hollow.get("fill")) == (None, "var(--paper)")
+    cross, plus = elements(chart, "path")
+    assert cross.get("d") == "M191.0,91.0l10,10M191.0,101.0l10,-10"
+    assert plus.get("d") == "M190.0,96.0h12M196.0,90.0v12"
+    assert [one.text for one in cross] == ["here"]
+    assert {one.get("opacity") for one in elements(chart, "g")} == {"1.0"}
+
+
+def test_a_chart_that_grows_downwards_begins_at_the_top():
+    chart = Chart(title="", downwards=True, **UNIT)
+    chart.points(2.0, 1.0, BLUE)
+
+    (dot,) = elements(chart, "circle")
+    assert (float(dot.get("cx")), float(dot.get("cy"))) == pixels(2.0, 4.0)
+
+
+def test_names_of_a_legend_go_on_in_the_next_row():
+    """Each takes 42 pixels and 6.7 a letter; of 300 pixels 8 stay free at both sides."""
+    names = [(f"{letter * 10}", BLUE, "") for letter in "abcd"]
+
+    text, height = charts._legend(names, 300.0, 24.0)
+
+    found = re.findall(r'translate\(([\d.]+) ([\d.]+)\).*?x="([\d.]+)" y="([\d.]+)"', text)
+    lefts, ups, names_left, names_up = np.array(found, dtype=float).T
+    assert height == 30.0
+    assert lefts == pytest.approx([8.0, 117.0, 8.0, 117.0])
+    assert ups == pytest.approx([24.0, 24.0, 39.0, 39.0])
+    assert (names_left - lefts, names_up - ups) == (
+        pytest.approx([28.0] * 4),
+        pytest.approx([4.0] * 4),
+    )
+    assert charts._legend([], 300.0, 24.0) == ("", 0.0)
+
+
+def test_charts_of_a_sheet_stand_in_rows_below_their_titles_and_names():
+    sizes = {"a": 100, "b": 150, "c": 90}
+    panels = [Chart(title=title, height=tall) for title, tall in sizes.items()]
+    panels[1].line([0.0, 1.0], [0.0, 1.0], BLUE, name="error")
+
+    root = ElementTree.fromstring(Sheet(charts=panels, title="All").svg())
+
+    # below the title 26; titles of charts 18, one row of names 15; 8 between rows
+    places = [
+        tuple(float(one.get(key)) for key in ("x", "y", "width", "height"))
+        for one in root.iter(f"{SVG}svg")
+        if one.get("class") == "chart"
+    ]
+    second = 26 + 33 + 150 + 8
+    assert places == [
+        (0.0, 59.0, 460.0, 100.0), (460.0, 59.0, 460.0, 150.0), (0.0, second + 18, 460.0, 90.0),
+    ]  # fmt: skip
+    assert root.get("viewBox") == f"0 0 920 {second + 18 + 90 + 8}"
+
+
+def test_drawn_samples_are_all_or_evenly_spaced():
+    assert charts.evenly(3).tolist() == [0, 1, 2]
+    assert charts.evenly(10, most=4).tolist() == [0, 3, 6, 9]
+    assert charts.peaks(np.arange(7.0), most=7).tolist() == [*range(7)]
+    # smallest and largest of each stretch of 5, with a gap of one of them
+    values = np.array([3.0, 9, 1, 2, 2, 5, 5, np.nan, 7, 4, 6, 6, 6, 0, 8])
+    assert charts.peaks(values, most=6).tolist() == [0, 1, 2, 7, 8, 9, 13, 14]

@@ -8,6 +8,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control import margins
+from flighttune.outputs.pages import charts
 from flighttune.outputs.pages.charts import loop_charts
 
 G, V = 9.81, 25.0
@@ -43,3 +44,40 @@ def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
         omega = math.sqrt((p + math.sqrt(p**2 + 4.0 * k)) / 2.0)
         margin = math.degrees(math.atan(proportional * omega / integral))
         assert float(re.search(r"[\d.]+", text).group()) == pytest.approx(margin, abs=0.051)
+
+
+def test_the_curves_of_a_loop_are_those_of_the_closed_form(level):
+    K_P, K_I = (1.7, 2.1), (0.6, 0.9)
+    gains = ft.PIGains(K_P=np.diag(K_P), K_I=np.diag(K_I))
+    b = G / V
+
+    magnitude, phase, nyquist, plane = loop_charts(level, gains, margins.loop_margins(level, gains))
+
+    poles = np.concatenate([np.roots([1.0, b * p, b * i]) for p, i in zip(K_P, K_I, strict=True)])
+    ends = np.abs(poles).min() / 10.0**1.5, np.abs(poles).max() * 10.0**1.5
+    curves = [[x for x in chart._seen if len(x[0]) > 300] for chart in (magnitude, phase, nyquist)]
+    for k, (p, i) in enumerate(zip(K_P, K_I, strict=True)):
+        (omega, decibel), (at, degrees) = curves[0][k], curves[1][k]
+        assert (omega[0], omega[-1]) == pytest.approx(ends)
+        size = np.abs(b * (p * 1j * omega + i) / (1j * omega) ** 2)
+        assert decibel == pytest.approx(20.0 * np.log10(size), abs=1e-9)
+        assert degrees == pytest.approx(np.degrees(np.arctan(p * at / i)) - 180.0, abs=1e-9)
+        (real, imaginary), (again, mirrored) = curves[2][2 * k : 2 * k + 2]
+        assert (again, mirrored) == (pytest.approx(real), pytest.approx(-imaginary))
+    (found,) = [x for x in plane._seen if len(x[0]) > 1]
+    assert np.sort_complex(found[0] + 1j * found[1]) == pytest.approx(np.sort_complex(poles))
+    # a margin is a line from the level to the curve, where the loop crosses the unit circle
+    marks = [(x, y) for x, y in phase._seen if len(x) == 2]
+    for (x, y), p, i in zip(marks, K_P, K_I, strict=True):
+        assert np.abs(b * (p * 1j * x[0] + i) / x[0] ** 2) == pytest.approx(1.0, rel=0.02)
+        assert y == pytest.approx([-180.0, np.degrees(np.arctan(p * x[0] / i)) - 180.0])
+    assert (nyquist.x_range, nyquist.y_range) == ((-3.0, 1.5), (-2.0, 2.0))
+
+
+def test_eigenvalues_have_room_to_both_sides_of_the_axis():
+    for values, ends in (
+        ([-4.0, -1.0], (-4.6, 0.6)),
+        ([-1.0, 2.0], (-1.15, 2.3)),
+        ([3.0, 4.0], (-1.15e-3, 4.6)),
+    ):
+        assert charts._eigenvalues(np.array(values, complex)).x_range == pytest.approx(ends)
