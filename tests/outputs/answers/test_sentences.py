@@ -1,0 +1,381 @@
+"""What answers say of numbers: who is better, what is lost, what is met, and what matters most."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from printed import MODEL
+
+import flighttune as ft
+from flighttune.control.linear_model import Envelope
+from flighttune.control.tuning.noise import Noise, Rms
+from flighttune.control.tuning.result import TuningResult
+from flighttune.outputs.answers import beside, certification, compare, meeting, per_hour, tuning
+from flighttune.outputs.drawing.palette import LineStyle
+
+DEG = math.pi / 180.0
+
+
+def comparison(better, *, gains=("mine", "yours"), plants=("kinematic", "kinematic")):
+    """One pair, with the side that is better in each measure of the course."""
+    runs = [
+        SimpleNamespace(
+            label=f"{plant} / {name}", status="completed", duration=9.0,
+            provenance=SimpleNamespace(gains_name=name, plant=plant),
+        )
+        for name, plant in zip(gains, plants, strict=True)
+    ]  # fmt: skip
+    names = ("MO_rad", "settling_s", "ITAE", "rise_s", "effort_rms")
+    rows = [
+        {"pair": 0, "run_a": runs[0].label, "run_b": runs[1].label, "channel": "chi", "name": name}
+        | {"unit": "rad" if name == "MO_rad" else "s", "a": 0.1, "b": 0.3, "diff": 0.2, "better": x}
+        for name, x in zip(names, better, strict=False)
+    ]
+    pair = SimpleNamespace(
+        a=runs[0], b=runs[1], source_a="A: one", source_b="B: two", differs={},
+        max_distance=12.0, t_max_distance=3.0,
+    )  # fmt: skip
+    return SimpleNamespace(pairs=(pair,), metrics=pd.DataFrame(rows))
+
+
+@pytest.mark.parametrize(
+    ("better", "options", "said"),
+    [
+        ("aaa", {}, "On kinematic A (mine) is better in 3 of 3 measures, B (yours) in 0."),
+        (
+            ("b", "same", "a", "b"), {},
+            "On kinematic B (yours) is better in 2 of 3 measures, A (mine) in 1: ITAE of course.",
+        ),
+        (
+            "abbab", {"gains": ("mine", "mine")},
+            "On kinematic B (B: two) is better in 3 of 5 measures, A (A: one) in 2: overshoot of "
+            "course and rise time of course.",
+        ),
+        ("ab", {}, "On kinematic A and B are each better in 1 of 2 measures."),
+        (
+            "a", {"plants": ("kinematic", "point_mass")},
+            "On kinematic and point_mass A (mine) is better in 1 of 1 measures, B (yours) in 0.",
+        ),
+    ],
+)  # fmt: skip
+def test_of_two_runs_the_better_one_is_named_with_where_it_is_worse(better, options, said):
+    assert compare.judged(comparison(better, **options), 0) == said
+
+
+def test_compared_metrics_are_in_shown_units_and_counted_by_side():
+    made = comparison(("b", "same", "a", "b"))
+
+    (angle, time, *_) = compare.comparison_table("", made.metrics).records
+    assert angle["pair"] == "kinematic: mine | yours"
+    assert [angle[x] for x in ("metric", "unit", "better")] == ["MO", "deg", "B"]
+    numbers = [angle[x] for x in ("a", "b", "diff")]
+    assert numbers == pytest.approx([0.1 / DEG, 0.3 / DEG, 0.2 / DEG])
+    assert (time["a"], time["better"]) == (0.1, "same")
+    (pair,) = compare.pairs_table(made).records
+    assert pair["better"] == {"a": 1, "b": 2, "same": 1}
+    assert (pair["compared_s"], pair["max_distance_m"], pair["max_distance_at_s"]) == (9, 12, 3)
+    assert compare.paired("law / a", "air / a") == "law / a | air / a"
+    assert compare.paired("log", "log") == "log | log"
+    assert compare.different(1, 2) == " (1 and 2)"
+    assert compare.different("x" * 16, "y" * 16) == f" ({'x' * 16} and {'y' * 16})"
+    assert compare.different("x" * 17, "y" * 16) == ""  # of 41 characters
+
+
+ERRORS = [
+    {"of": "cross track", "unit": "m", beside.YOURS: 3.0, beside.OURS: 2.0},
+    {"of": "height", "unit": "m", beside.YOURS: 1.5, beside.OURS: 1.5},
+    {"of": "airspeed", "unit": "m/s", beside.YOURS: 0.5, beside.OURS: 0.625},
+]
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (ERRORS[:1], "our law is better in cross track 2 m (yours 3 m)"),
+        (
+            ERRORS,
+            "our law is better in cross track 2 m (yours 3 m), and not better in height 1.5 m "
+            "(yours 1.5 m) and airspeed 0.625 m/s (yours 0.5 m/s)",
+        ),
+        (ERRORS[2:], "our law is not better in airspeed 0.625 m/s (yours 0.5 m/s)"),
+    ],
+)
+def test_a_smaller_error_is_better_and_an_equal_one_is_not(rows, said):
+    assert beside.nearer(rows) == said
+
+
+def test_lost_aircraft_are_counted_with_their_ends():
+    ends = [{"status": "left_envelope"}, {"status": "hit_ground"}, {"status": "left_envelope"}]
+
+    assert beside.losses({beside.YOURS: [], beside.OURS: []}, 1) == (
+        "Neither lost an aircraft in 1 flight."
+    )
+    assert beside.losses({beside.YOURS: ends, beside.OURS: []}, 20) == (
+        "Aircraft lost in 20 flights: your parameters 3 (left envelope, hit ground), our law 0."
+    )
+
+
+def test_errors_of_few_flights_are_no_bound():
+    """0.95^58 is above 0.05, and 0.95^59 below."""
+    assert beside.kept_errors(1)[0] == "the largest errors of 1 flight"
+    short, long = beside.kept_errors(58)
+    assert (short, long) == (
+        "the largest errors of 58 flights",
+        "The largest errors of 58 flights; 59 are needed for a bound",
+    )
+    assert beside.kept_errors(59)[0] == "the errors that 95 % of flights keep to"
+    assert beside.kept_errors(59)[1].endswith("each by itself, at a confidence of 95 %")
+
+
+def test_margins_are_in_decibel_and_degrees():
+    cut = [SimpleNamespace(gain_increase=2.0, phase_margin=0.5), None]
+
+    assert beside.margins_at(cut, 0) == "6.0 dB, 29 deg"
+    assert beside.margins_at([], 0) == "unstable"
+
+
+@pytest.mark.parametrize(
+    ("over", "factor", "conditions", "told"),
+    [
+        (True, None, (), True),
+        (True, 0.7, (), False),
+        (False, None, (), False),
+        (True, None, ((25.0, 0.0),), False),
+    ],
+)
+def test_any_envelope_is_told_where_none_is_asked_for(over, factor, conditions, told):
+    proof = SimpleNamespace(
+        claim=SimpleNamespace(conditions=conditions), boxes_note="boxes", assumed=("assumed",)
+    )
+    made = SimpleNamespace(
+        certificate=proof, over_envelope=over, largest_factor=factor, absent="absent"
+    )
+
+    expected = [certification.ANY_ENVELOPE] * told + ["absent", "boxes", "assumed"]
+    assert certification.notes(made) == expected
+    made.certificate, made.absent = None, ""
+    assert certification.notes(made) == [certification.ANY_ENVELOPE] * (over and factor is None)
+
+
+def row(measure, margin, *, active=False, run="kinematic"):
+    return {"measure": measure, "run": run, "margin": margin, "active": active}
+
+
+def search(*rows, **more):
+    return SimpleNamespace(
+        **{"requirements": rows, "flights": 12, "success": None, "start": "tuned"}
+        | {"start_met": False, "metric": {"name": "margin"}} | more
+    )  # fmt: skip
+
+
+MET = (row("chi.MO_rad", 0.25), row("gamma.settling_s", 0.0, active=True))
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (
+            search(row("chi.MO_rad", -0.1), row("chi.ITAE", math.nan), row("gamma.ITAE", 0.0)),
+            "2 of 3 requirements are missed after 12 flights; these are the nearest gains.",
+        ),
+        (
+            search(*MET, flights=1),
+            "Met: all 2 requirements. The gains found have 0.0 % to spare in the tightest, "
+            "settling time of path angle (5\u00a0%) on kinematic, after 1 flight.",
+        ),
+        (
+            search(MET[0], start_met=True),
+            "The gains of the start, tuned, already meet all 1 requirements. The gains found have "
+            "25.0 % to spare in the tightest, overshoot of course on kinematic, after 12 flights.",
+        ),
+    ],
+)
+def test_a_search_says_whether_its_requirements_are_met(made, said):
+    assert meeting.sentence(made) == said
+
+
+def test_a_metric_that_falls_is_said_with_what_stops_it():
+    metric = {"name": "effort", "value": 0.5, "start": 0.75}
+    one, two = search(*MET, metric=metric), search(*MET, MET[1], metric=metric)
+
+    ends = [meeting.sentence(x).partition("after 12 flights. ")[2] for x in (one, two)]
+    settling = "settling time of path angle (5\u00a0%) on kinematic"
+    assert ends == [
+        f"effort is 0.5, 0.75 at the start; {settling} stops it from falling.",
+        f"effort is 0.5, 0.75 at the start; {settling} and {settling} stop it from falling.",
+    ]
+    alone = meeting.sentence(search(MET[0], metric=metric))
+    assert alone.endswith("effort is 0.5, 0.75 at the start.")
+
+
+def test_a_share_of_draws_is_said_with_its_interval_and_its_rule():
+    def share(value, *ends):
+        return {"value": value, "n": 200} | dict(zip(("lo", "hi"), ends, strict=False))
+
+    success = {
+        "share": share(0.925, 0.88, 0.957), "of_start": share(0.5), "seed": 7, "wanted": 0.9,
+        "by": "lo", "sure": None,
+    }  # fmt: skip
+
+    assert meeting.share_met(search(), success, "12 flights") == (
+        "On 200 fresh draws (seed 7) 92.5 [88, 95.7] % of the flights meet all requirements, "
+        "50.0 % with tuned; 90 % are wanted, by the lower end of the interval (12 flights)."
+    )
+    sure = meeting.share_met(search(), success | {"sure": "no"}, "12 flights")
+    assert "with a probability below 90 %, confidence" in sure
+
+
+def test_a_search_names_its_start_and_what_became_worse():
+    others = search(other_starts=["paper", "K1"], start_of_scenario=True)
+    none = search(other_starts=[], worse=[])
+    worse = {"measure": "chi.MO_rad", "value": 2.0 * DEG, "start": DEG, "run": "kinematic"}
+
+    assert meeting.choice_of_start(others) == [
+        "The start is tuned, the nearest to the requirements of the gains that the scenario flies; "
+        "paper and K1 were tried too."
+    ]
+    others.start_of_scenario = False
+    assert "requirements of the tuned gains;" in meeting.choice_of_start(others)[0]
+    assert (meeting.choice_of_start(none), meeting.worse_sentence(none)) == ([], "")
+    assert meeting.worse_sentence(search(worse=[worse])) == (
+        "Worse than with tuned: overshoot of course 2 deg (was 1)."
+    )
+
+
+def term(outside, flights, *, ended=0, ended_s=None):
+    return SimpleNamespace(
+        count=SimpleNamespace(outside=outside, flights=flights), ended=ended, ended_s=ended_s
+    )
+
+
+@pytest.mark.parametrize(
+    ("largest", "terms", "needed", "said"),
+    [
+        (None, [term(3, 99)], None, "healthy flight: 3 of 99 flights left the volume."),
+        (
+            None, [term(0, 99), term(7, 8)], None,
+            "the number of healthy flights: none of 99 left the volume; more flights would lower "
+            "it.",
+        ),
+        (
+            None, [term(0, 99)], 500,
+            "the number of healthy flights: none of 99 left the volume; 500 flights (`flights`), "
+            "none outside, would bring it to half of the target.",
+        ),
+        (
+            1, [term(0, 99), term(1, 9), term(0, 8)], None,
+            "fault 1: 0 of 8 flights left; more `flights` would lower its bound.",
+        ),
+        (
+            0, [term(0, 99), term(1, 9)], None,
+            "fault 0: 1 of 9 flights left, none was ended (`ended_s`).",
+        ),
+        (
+            0, [term(0, 99), term(1, 9, ended=4, ended_s=2.0)], None,
+            "fault 0: 1 of 9 flights left, 4 were ended.",
+        ),
+    ],
+)  # fmt: skip
+def test_what_matters_most_is_the_largest_term(monkeypatch, largest, terms, needed, said):
+    monkeypatch.setattr(per_hour, "healthy_flights_for", lambda _: needed)
+    table = SimpleNamespace(name_of=lambda i, _: f"fault {i}")
+    hourly = SimpleNamespace(largest=largest, terms=terms, table=table)
+
+    assert per_hour.matters_most(hourly) == f"What matters most is {said}"
+
+
+def result_of(**changes):
+    problem = ft.loop.TuningProblem(model=MODEL)
+    stated = {"status": "optimal", "reason": "", "method": "gradient", "problem": problem}
+    figures = {"R_K": 0.5, "I_K": 5.0, "E_K": 2.0, "active": ("I_K", "phi_max")}
+    return TuningResult(**(stated | figures | changes))
+
+
+def test_found_gains_are_said_with_their_indicators_and_active_limits():
+    assert tuning.summary(result_of()) == (
+        "The gains found have R_K 0.5 1/s, I_K 5 s² and E_K 2 s². "
+        "Limits that bind: I_K and phi_max."
+    )
+    over = result_of(status="found", R_envelope=0.25, active=())
+    assert tuning.summary(over) == (
+        "The gains found have a rate of 0.25 1/s over the envelope, at the trim R_K 0.5 1/s, I_K "
+        "5 s² and E_K 2 s²."
+    )
+    for status in ("infeasible", "failed"):
+        assert tuning.summary(result_of(status=status, reason="None.")) == "None."
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"), [((0.5, 2.0), ", 20% and 25% of their bounds"), ((0.5, math.inf), "")]
+)
+def test_the_sensitivity_and_the_noise_of_a_loop_are_said_in_degrees(bounds, said):
+    k = 3
+    noise = Noise(
+        omega=np.arange(1.0, k + 1.0), gusts=np.ones((2, k)), estimates=np.ones((2, k)),
+        measured=np.ones((2, k)), units=np.ones(2), rates_max=np.array(bounds), dt=0.02,
+    )  # fmt: skip
+    problem = ft.loop.TuningProblem(
+        model=MODEL, objective="rms", sensitivity_max=1.75, noise=noise, gusts=np.ones(2)
+    )
+    rms = Rms(np.array([0.5, 0.25]) * DEG, np.array([0.1, 0.5]))
+    made = result_of(
+        problem=problem, sensitivity=1.5, errors_in_gusts=[0.1, 0.25], in_noise=rms,
+        active=("sensitivity",),
+    )  # fmt: skip
+
+    assert tuning.bounds_in_words(made) == [
+        "The largest sensitivity is 1.500; its bound of 1.75 holds the gains.",
+        "The rms errors in turbulence over that of the gusts' angle are 0.100, 0.250.",
+        "In light gusts with estimation errors the rms errors are 0.5 and 0.25 deg. The rms rates "
+        f"of the commands are {0.1 / DEG:.3g} deg/s and 0.5 1/s{said}.",
+    ]
+    free = tuning.bounds_in_words(result_of(problem=problem, sensitivity=1.5))
+    assert free == ["The largest sensitivity is 1.500; its bound of 1.75 does not hold the gains."]
+    assert tuning.bounds_in_words(result_of()) == []
+
+
+@pytest.mark.parametrize("widest", [8.0, 80.0])
+def test_a_frontier_over_more_than_a_decade_has_a_logarithmic_axis(widest):
+    marks = [("paper", 6.0, 0.4, True), ("beyond", 7.0, 0.6, False), ("unstable", 2.0, 0.0, True)]
+    along = [("frontier", x, 0.1 * k, True) for k, x in enumerate((5.0, 6.0, widest), start=3)]
+    table = pd.DataFrame([*along, *marks], columns=["name", "I_K", "R_K", "within_limits"])
+
+    chart = tuning.frontier_chart(table, {"paper": LineStyle("#1F78B4", "blue", 2.0, False)})
+
+    assert chart.log == ("x" if widest > 50.0 else "")
+    line, paper, *_ = chart._seen
+    assert line[0].tolist() == [5.0, 6.0, widest]
+    assert line[1] == pytest.approx([0.3, 0.4, 0.5])
+    assert (paper[0][0], paper[1][0]) == (6.0, 0.4)
+    svg = chart.svg()
+    assert "beyond: R_K 0.6000 1/s, I_K 7.000 s², beyond the limits" in svg
+    assert "paper: R_K 0.4000 1/s, I_K 6.000 s²<" in svg
+    assert "unstable" not in svg
+    low, high = 0.3 - 0.05 * 0.3, 0.6 + 0.05 * 0.3  # with a twentieth of room
+    room = 0.08 * (high - low)
+    assert chart.y_range == pytest.approx((low - room, high + room))
+    if widest < 50.0:
+        assert chart.x_range == pytest.approx((5.0 - 0.24, 8.0 + 0.24))
+    else:
+        wide = (80.0 * 1.05 / (5.0 / 1.05)) ** 0.08
+        assert chart.x_range == pytest.approx((5.0 / 1.05 / wide, 80.0 * 1.05 * wide))
+
+
+def test_rates_over_an_envelope_are_drawn_in_per_cent_of_it_and_end_in_a_cross_at_zero():
+    curves = {
+        "mine": (np.array([0.0, 0.5, 1.2]), np.array([0.5, 0.3, 0.0])),
+        "yours": (np.array([0.0, 2.0]), np.array([0.4, 0.1])),
+    }
+
+    chart = tuning.rate_chart(curves, Envelope.at(V_a=25.0, gamma=0.0))
+
+    assert chart.x_range == (0.0, 200.0)
+    (x, rates), cross, (x_2, _) = chart._seen
+    assert x == pytest.approx([0.0, 50.0, 120.0])
+    assert rates.tolist() == [0.5, 0.3, 0.0]
+    assert (cross[0].tolist(), cross[1].tolist()) == ([pytest.approx(120.0)], [0.0])
+    assert x_2 == pytest.approx([0.0, 200.0])
+    assert [name for name, *_ in chart.legend][1:] == ["mine", "yours"]
+    assert chart.legend[0][0].startswith("V_a 25..25 m/s")
