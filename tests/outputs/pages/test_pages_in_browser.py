@@ -1,4 +1,7 @@
-"""Every kind of page in a browser, wide, on a desk and on a phone: no text lies on another."""
+"""Every kind of page in a browser, wide, on a desk and on a phone: no text lies on another.
+
+That of the reproduction is in studies/paper/test_reproduce.py.
+"""
 
 import re
 
@@ -40,8 +43,7 @@ PAGES = {
     "beside": ("compare m.plan --with my.parm --flights 2 --out page.html",),
     "tuned": ("tune paper --page page.html",),
     "met": ("meet paper_identified --budget 4 --page page.html",),
-    "adoption": ("adopt 737 --out adopted", "adopted/adoption.html"),
-    "reproduction": ("reproduce --out reproduced", "reproduced/index.html"),
+    "adoption": ("adopt J3Cub --out adopted", "adopted/adoption.html"),
 }
 
 

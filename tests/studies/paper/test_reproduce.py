@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from browser import DESK, PHONE, WIDE, headless_chromium, told_at_widths
 from commands import answer, flighttune
 
 import flighttune as ft
@@ -18,7 +19,7 @@ from flighttune.studies.paper import claims
 from flighttune.studies.paper.parameters import INDICATORS, STAR
 from flighttune.studies.paper.study import Study
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.soak
 
 NINE_DIGITS = 1e-8
 ROUNDING = 2e-3
@@ -125,6 +126,14 @@ def test_the_page_needs_nothing_but_itself_and_has_claims_first_and_every_figure
     assert places == sorted(places)
     assert all(f'id="claim-{name}"' in html for name in claims.CLAIMS)
     assert html.count('<svg class="chart"') == len(charts_of(reproduction))
+
+
+def test_no_text_of_the_page_lies_on_another(html, tmp_path):
+    told = told_at_widths(headless_chromium(), html, tmp_path)
+
+    for width in (WIDE, DESK, PHONE):
+        assert told[width]["overlaps"] == [], width
+        assert told[width]["wide"] == [], width
 
 
 @pytest.fixture(scope="module")
