@@ -16,9 +16,9 @@ certify paper --out certificate.json
 verify certificate.json
 report runs/paper --out report.html
 verify runs/paper/paper.rrd
-adopt 737 --out mine
+adopt J3Cub --out mine
 export paper --out folder
-campaign first_campaign --runs 8
+campaign first_campaign --runs 2
 """.strip().splitlines()
 NEED_AN_EXTRA = {"campaign first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster"}
 
