@@ -49,6 +49,8 @@ class Killed(ft.CampaignObserver):
     def see(self, progress):
         if progress.doing.startswith(sys.argv[3]) and progress.flown >= int(sys.argv[4]):
             os.kill(os.getpid(), signal.SIGKILL)
+    def hear(self, sentence):
+        print(sentence, flush=True)
 plan, folder = sys.argv[1:3]
 ft.mission(plan, out=f"{{folder}}/m.npz", rates="rates.toml", observer=Killed(), **{FEW!r})
 """
@@ -104,28 +106,23 @@ def place(tmp_path_factory):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    ("doing", "flown", "kept"),
-    [
-        ("counting healthy flight", 9, 9),
-        ("counting link lost, turn back after 0.5 s: their ends", 23, 18),
-    ],
-)
-def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(
-    place, tmp_path, doing, flown, kept
-):
-    command = [sys.executable, "-c", KILLED, place / "m.plan", tmp_path, doing, str(flown)]
-    done = subprocess.run(command, cwd=place, check=False)
-    assert done.returncode == -signal.SIGKILL
-    left = {x.name for x in tmp_path.glob("[!.]*")}
-    assert left == {"m-unfinished.npz", "m-per-hour-unfinished.json"}  # no file of the answer
+def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(place, tmp_path):
+    """Killed within the first kind of flights, and after 14 more within the last one."""
+    file = tmp_path / "m-per-hour-unfinished.json"
+    last = "counting link lost, turn back after 0.5 s: their ends"
+    for doing, flown in (("counting healthy flight", 9), (last, 14)):
+        command = [sys.executable, "-c", KILLED, place / "m.plan", tmp_path, doing, str(flown)]
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+        assert done.returncode == -signal.SIGKILL
+        left = {x.name for x in tmp_path.glob("[!.]*")}
+        assert left == {"m-unfinished.npz", file.name}  # no file of the answer
+    assert f"{file}: 9 flights are counted already." in done.stdout
 
     seen = Seen()
     out, rates = tmp_path / "m.npz", place / "rates.toml"
     ft.mission(place / "m.plan", out=out, rates=rates, observer=seen, **FEW)
 
-    file = tmp_path / "m-per-hour-unfinished.json"
-    assert seen.said[-1] == f"{file}: {kept} flights are counted already."
+    assert seen.said[-1] == f"{file}: 18 flights are counted already."
     assert [*seen.stages] == ["stage 1 of 2, ", "stage 2 of 2, "]
     names = {"m.npz", "m-per-hour.json"}
     assert {x.name for x in tmp_path.glob("[!.]*")} == names
