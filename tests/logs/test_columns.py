@@ -64,13 +64,13 @@ def check_error(log_of, flight, rate, name):
 @pytest.mark.parametrize("name", [*FEW, *slow(*MORE)])
 @pytest.mark.slow
 def test_an_error_of_a_column_is_said_with_its_cure(log_of, name):
-    check_error(log_of, "still air", 25, name)
+    check_error(log_of, "still air", 10, name)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("name", [*ERRORS])
 def test_every_error_is_said_in_wind(log_of, name):
-    check_error(log_of, "wind", 25, name)
+    check_error(log_of, "wind", 10, name)
 
 
 NOT_THERE = ("V_err sign", "V_err is another", "phi and psi")
