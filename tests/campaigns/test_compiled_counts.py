@@ -78,7 +78,7 @@ def test_a_campaign_counts_what_all_its_commands_flew(tmp_path):
     assert "Compiled flights: 2, of which JSBSim flew" in " ".join(report.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.usefixtures("compiled_at_once")
 def test_a_band_by_both_makes_the_same_claim_and_says_who_flew(tmp_path):
     turn = ft.load_scenario("level_turn", changes={"flight.duration_s": 4.0}).as_dict()

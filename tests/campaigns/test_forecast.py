@@ -452,7 +452,7 @@ def test_times_and_files_that_do_not_fit_are_refused(tmp_path, name, times, word
     assert str(tmp_path / name) in str(caught.value)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_flights_of_a_mission_draw_their_wind_within_the_forecast(tmp_path):
     plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 100), waypoint(47.41, 8.5, 110))
     file = written(tmp_path / "f.json", forecast(from_deg=355.0))

@@ -104,6 +104,7 @@ def test_intervals_and_their_confidence_can_be_chosen(told, flown_folder, tmp_pa
     assert (tmp_path / "page.html").is_file()
 
 
+@pytest.mark.soak
 def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_folder):
     out = tmp_path / "out"
     shutil.copytree(flown_folder, out)

@@ -264,7 +264,7 @@ def test_every_command_is_in_the_table_of_what_it_reads():
     assert FLIES.keys() < READS.keys()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("verb", "case"), cases(READS))
 def test_a_command_runs_no_code_of_what_it_reads(here, verb, case):
     assert case.split()[1] == verb
@@ -296,7 +296,7 @@ def test_code_of_a_file_of_flighttune_runs_where_that_is_allowed(here, case):
     assert said.splitlines().count(NOTICE) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("case", WITH_RUN_CODE)
 def test_code_of_a_file_of_flighttune_runs_only_as_it_was_sent(here, case):
     """A relative path leads to a file of the reader's own where the stranger's is not."""
@@ -330,7 +330,7 @@ VERBS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_verb_runs_no_code_of_what_it_reads(here, verb):
     with chdir(here), suppress(ft.InputError):
@@ -339,7 +339,7 @@ def test_a_verb_runs_no_code_of_what_it_reads(here, verb):
     assert not (here / "ran").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_verb_that_flies_again_runs_no_code_that_the_process_has_named(here):
     ft.load_scenario(here / "scenario.toml")
     with chdir(here):
@@ -351,7 +351,7 @@ def test_a_verb_that_flies_again_runs_no_code_that_the_process_has_named(here):
     assert (here / "ran").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_worker_runs_no_code_that_its_command_may_not(here):
     """Asked by a command that forgot to ask, and by one that may."""
     plan = ft.load(here / "campaign").plan
