@@ -59,30 +59,25 @@ def interior_root(
     `rounding` gains nothing. Another step that gains too little fails, as where the root is beyond
     the bounds.
     """
-    lower, upper = bounds
     x, r, slopes, wall = start, residuals(start), None, None
     for _ in range(_NEWTON_STEPS):
-        norm, fresh = float(np.abs(r).max()), slopes is None
+        norm, fresh = _norm(r), slopes is None
         if slopes is None:
-            slopes = slopes_within(residuals, x, r, widths, upper)
+            slopes = slopes_within(residuals, x, r, widths, bounds[1])
         try:
-            step = np.linalg.solve(slopes, -r)
+            step: FloatArray = np.asarray(np.linalg.solve(slopes, -r), dtype=float)
         except np.linalg.LinAlgError:  # an unknown without effect, as a surface behind its limit
             return None
-        with np.errstate(divide="ignore"):
-            ways = np.where(step > 0.0, upper - x, x - lower) / np.abs(step)
-        # The bound that the step meets first, and the share of the step that reaches it.
-        nearest = int(np.argmin(ways))
-        room = float(ways[nearest])
+        nearest, room = _first_bound(x, step, bounds)
         part = 1.0 if room > 1.0 else _ROOM_USED * room
         wall_before, wall = wall, (nearest, step[nearest] > 0.0) if room < _MIN_ROOM else None
         if wall is not None and wall == wall_before:
             return None
         # Only slopes that are fresh are worth a shorter step: old ones are replaced first.
         for _ in range(1 + (_HALVINGS if fresh and norm > rounding else 0)):
-            moved = part * step
+            moved: FloatArray = part * step
             residual = residuals(x + moved)
-            now = float(np.abs(residual).max())
+            now = _norm(residual)
             if now < (1.0 - _MIN_GAIN * part) * norm:
                 break
             part *= 0.5
@@ -91,13 +86,33 @@ def interior_root(
                 return x if norm < rounding else None
             slopes = None
             continue
-        # Broyden: after a whole step of Newton the correction is the new residual alone.
         fast = now < _FAST_GAIN * norm
-        slopes = slopes + np.outer(residual, moved) / (moved @ moved) if fast else None
+        slopes = _corrected(slopes, residual, moved) if fast else None
         x, r = x + moved, residual
         if now < enough:
             return x
     return None
+
+
+# Functions of their own: pyright takes ten times as long over the loops with these lines in them.
+def _norm(residual: FloatArray) -> float:
+    return float(np.abs(residual).max())
+
+
+def _first_bound(
+    x: FloatArray, step: FloatArray, bounds: tuple[FloatArray, FloatArray]
+) -> tuple[int, float]:
+    """The bound that a step meets first, and the share of the step that reaches it."""
+    lower, upper = bounds
+    with np.errstate(divide="ignore"):
+        ways = np.where(step > 0.0, upper - x, x - lower) / np.abs(step)
+    nearest = int(np.argmin(ways))
+    return nearest, float(ways[nearest])
+
+
+def _corrected(slopes: FloatArray, residual: FloatArray, moved: FloatArray) -> FloatArray:
+    """Slopes after a step by Broyden's formula: after a whole one the new residual is all of it."""
+    return slopes + np.outer(residual, moved) / (moved @ moved)
 
 
 def slopes_within(
