@@ -122,6 +122,7 @@ def test_errors_are_drawn_on_as_far_as_a_flight_needs_them():
     assert [row for (row,) in sensors.DrawnErrors(draw, 4, 0)] == [0.0, 1.0, 2.0, 3.0]
     assert asked[3:] == [1, 2, 4]
     assert len(sensors.DrawnErrors(draw, 4, 99).values) == 4
+    assert len(sensors.DrawnErrors(draw, 10, 1).reach(7)) == 8
 
 
 def given(names, now, before=None, dt=0.5):

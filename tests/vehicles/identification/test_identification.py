@@ -267,3 +267,48 @@ def test_the_table_of_a_lag_has_the_numbers_of_its_order():
     assert [tables[order]["damping"] for order in lags] == [None, 0.6, 0.7]
     assert [tables[order]["lag_s"] for order in lags] == [None, None, 0.05]
     assert [tables[order]["delay_s"] for order in lags] == [0.047, 0.033, 0.011]
+
+
+def test_contradictions_of_a_file_name_their_key_and_both_values():
+    """Numbers are equal to within one part in ten thousand."""
+    derived = {"a": [1.0, {"b": 2.0}], "c": "x", "d": 3}
+
+    def said(**stated):
+        return [*file._contradictions(derived | stated, derived)]
+
+    assert said() == []
+    assert said(a=[1.00009, {"b": 2}]) == []
+    assert said(a=[1.0, {"b": 2.0005}]) == [
+        "`a[1].b` must be 2.0, as the lags of the file make it, got 2.0005"
+    ]
+    assert [x.partition(" must")[0] for x in said(a=[1.0], c="y", d=4)] == ["`a`", "`c`", "`d`"]
+    assert said(e=1) == ["`e` is not a known key; the keys are a, c, d"]
+    assert file._same(1e-5, 0.0)
+    assert not file._same(3e-4, 0.0)
+
+
+def test_numbers_of_a_file_are_rounded_but_for_those_that_are_exact():
+    nested = {"V_a_mps": 25.123456789, "lags": [1.23456789, {"order": 2, "name": "a"}], "n": None}
+
+    found = file.rounded(nested, 3, ["V_a_mps"])
+
+    assert found == {"V_a_mps": 25.123456789, "lags": [1.23, {"order": 2, "name": "a"}], "n": None}
+    assert file.rounded((123456.0, -0.0012345), 2) == [120000.0, -0.0012]
+
+
+def test_the_nearest_condition_counts_octaves_of_airspeed_and_degrees_of_climb():
+    """Twice the airspeed is as far as 60 deg of climb."""
+    made = ft.loop.load_identified("aerosonde")
+    conditions = [
+        made.conditions[0].model_copy(update={"V_a": V_a, "gamma": gamma})
+        for V_a, gamma in ((20.0, 0.0), (40.0, 0.0), (20.0, 0.3))
+    ]
+    of = made.model_copy(update={"conditions": tuple(conditions)})
+
+    # The middle of 20 and 40 m/s in octaves is 28.28 m/s.
+    at = [(28.0, 0.0), (28.6, 0.0), (5.0, 0.14), (5.0, 0.16)]
+    at += [(20.0 * 2.0**0.66, math.radians(60.0 * x)) for x in (-0.9, 0.9)]
+
+    nearest = [conditions.index(of.nearest(*where)) for where in at]
+
+    assert nearest == [0, 1, 0, 2, 1, 2]

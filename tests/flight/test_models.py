@@ -1,0 +1,211 @@
+"""Linear models and tuning problems of scenarios, against formulas of design/roll_rate.md."""
+
+import math
+
+import numpy as np
+import pytest
+from made_up import made_up_scenario
+
+import flighttune as ft
+from flighttune.flight import models, noise
+from flighttune.flight.entry import entry_of
+
+V, G = 25.0, 9.81
+LIMITS = {
+    "phi_deg": [-45.0, 40.0], "phi_rate_dps": 90.0, "n_z": [0.0, 2.0], "n_z_rate_per_s": 1.5,
+}  # fmt: skip
+BEHIND = {"plant": [{"kind": "point_mass_lag", "identified": "aerosonde"}]}
+HALF_A_SAMPLE = 0.01
+
+
+def scenario(law="paper", tuning=None, **changes):
+    """A climb of 6 deg on the lags of the Aerosonde, sampled at 50 Hz."""
+    return made_up_scenario(**{
+        "flight": {"V_a_mps": V, "h_m": 1000.0, "chi_deg": 350.0}, "law": [law],
+        "reference": {"chi_deg": 10.0, "gamma_deg": 6.0}, "limits": LIMITS,
+        "tuning": {"model": "identified", "roll_rate": True, "lift_rate": True} | (tuning or {}),
+    } | BEHIND | changes)  # fmt: skip
+
+
+def whole_lags():
+    """Seconds by which the nearest identified loop follows a ramp, and half a sample."""
+    condition = ft.loop.load_identified("aerosonde").nearest(V, math.radians(6.0))
+    return [lag.whole + HALF_A_SAMPLE for lag in condition.lags]
+
+
+def late():
+    """Time by which a roll-out, and by which a change of the load factor, comes late."""
+    roll, lift = whole_lags()
+    error = math.radians(6.0)
+    # A load factor is as late as it takes to change, and as much as the error asks for.
+    root = np.roots([1.0, -lift, -V * error / (G * 2.0 * 1.5)]).max()
+    return 40.0 / (2.0 * 90.0) + roll, float(root)
+
+
+@pytest.mark.parametrize(("law", "per_rate"), [("paper", V / G), ("exact", 1.0)])
+def test_gains_on_an_identified_loop_are_those_that_the_rate_limits_can_follow(law, per_rate):
+    (problem,) = models.identified_problems(scenario(law))
+
+    turn, climb = late()
+    assert problem.K_max[0, 0] == pytest.approx(per_rate / turn)
+    assert problem.K_max[0, 2] == pytest.approx(per_rate / (4.0 * turn**2))
+    assert problem.K_max[1, 1] == pytest.approx(per_rate / climb)
+    assert problem.K_max[1, 3] == pytest.approx(per_rate / (4.0 * climb**2))
+    cross = [problem.K_max[i] for i in ((0, 1), (0, 3), (1, 0), (1, 2))]
+    assert cross == [1000.0] * 4  # as [tuning] has it
+    assert np.array_equal(problem.K_min, -problem.K_max)
+    # the first error is turned the short way
+    assert problem.x_0 == pytest.approx([math.radians(20.0), math.radians(6.0)])
+    assert problem.limits is None
+    assert problem.E_star == math.inf
+
+
+def test_a_smaller_largest_gain_counts_and_limits_that_are_not_asked_for_do_not():
+    small, free, level = (
+        models.identified_problems(x)[0]
+        for x in (
+            scenario(tuning={"gain_max": 0.3, "E_star": 2.0, "input_limits": True}),
+            scenario(tuning={"roll_rate": False, "lift_rate": False}),
+            scenario(reference={"chi_deg": 10.0, "gamma_deg": 0.0}),
+        )
+    )
+
+    assert (small.K_max == 0.3).all()
+    assert small.E_star == 2.0
+    assert small.limits.upper == pytest.approx([math.radians(40.0), 2.0])
+    assert (free.K_max == 1000.0).all()
+    assert level.K_max[1, 1] == 1000.0  # no first error of the path angle
+    assert level.K_max[0, 0] < 1000.0
+
+
+@pytest.mark.parametrize("law", ["paper", "exact"])
+def test_the_roll_rate_that_gains_need_is_that_which_allows_them(law):
+    made = scenario(law)
+    (problem,) = models.identified_problems(made)
+    K = np.minimum(problem.K_max, 1.0) * [[1, 0, 1, 0], [0, 1, 0, 1]]
+    for own, other in ((0, 2), (2, 0)):
+        gains = K.copy()
+        gains[0, own] = problem.K_max[0, own]
+        gains[0, other] *= 0.01
+        of = ft.PIGains.from_lists(gains[:, :2], gains[:, 2:], law=law)
+
+        found = models.loop_measures(entry_of(made, "own", of), {"roll_rate_rad_s"})
+
+        assert found["roll_rate_rad_s"] == pytest.approx(math.radians(90.0))
+    assert "gain_margin_dB" not in found
+    steep = ft.PIGains.from_lists([[1e3, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.1]], law=law)
+    found = models.loop_measures(entry_of(made, "own", steep), {"roll_rate_rad_s"})
+    assert found["roll_rate_rad_s"] == math.inf  # no rate makes up for the lag
+    unlimited = scenario(law)
+    free = LIMITS.keys() - {"phi_deg"}
+    unlimited = made_up_scenario(
+        **unlimited.as_dict() | {"limits": {name: LIMITS[name] for name in free}}
+    )
+    found = models.loop_measures(entry_of(unlimited, "own", of), {"roll_rate_rad_s"})
+    assert math.isnan(found["roll_rate_rad_s"])
+
+
+def test_margins_of_a_loop_are_those_of_the_textbook():
+    """Course and path angle behind an integrator each: (k_P s + k_I) / s^2."""
+    made = scenario(
+        "exact", tuning={"model": "kinematic"}, reference={"chi_deg": 9.0, "gamma_deg": 0}
+    )
+    K_P, K_I = np.array([5.0, 2.0]), np.array([1.0, 3.0])
+    gains = ft.PIGains.from_lists(np.diag(K_P), np.diag(K_I), law="exact")
+
+    found = models.loop_measures(entry_of(made, "own", gains), {"gain_margin_dB", "disk_margin"})
+
+    crossing = np.sqrt(0.5 * (K_P**2 + np.sqrt(K_P**4 + 4.0 * K_I**2)))
+    phase = np.arctan2(K_P * crossing, K_I)
+    assert found["phase_margin_rad"] == pytest.approx(phase.min())
+    # that of the course, which is crossed at the higher frequency
+    assert found["delay_margin_s"] == pytest.approx((phase / crossing).min())
+    assert np.argmin(phase) != np.argmin(phase / crossing)
+    assert found["gain_margin_dB"] == math.inf
+    assert 0.0 < found["disk_margin"] <= 2.0
+
+
+def test_ranges_of_lags_are_those_stated_or_of_all_identified_conditions():
+    """Delays have half a sample more; on the kinematic law it counts if [tuning] says so."""
+    plain = scenario(tuning={"model": "kinematic", "roll_rate": False, "lift_rate": False})
+    held = plain.model_copy(
+        update={"tuning": plain.tuning.model_copy(update={"sample_delay": True})}
+    )
+    law = plain.laws[0]
+
+    lags, delays = models.late_ranges(plain, law, [0.1, 0.3])
+    assert lags.tolist() == [0.1, 0.3]
+    assert delays.tolist() == [0.0, 0.0]
+    assert models.late_ranges(held, law, [0.1, 0.3])[1] == pytest.approx([HALF_A_SAMPLE] * 2)
+    conditions = ft.loop.load_identified("aerosonde").conditions
+    each = np.array([[(x.whole - x.delay, x.delay) for x in one.lags] for one in conditions])
+    everywhere = models.identified_models(scenario(), law, everywhere=True)
+    assert len(everywhere) == len(conditions)
+    lags, delays = models.late_ranges(scenario(), law, None, everywhere)
+    assert lags == pytest.approx(np.stack([each.min(axis=0), each.max(axis=0)], -1)[:, 0])
+    ends = np.array([each.min(axis=0), each.max(axis=0)])[..., 1]
+    assert delays == pytest.approx(ends.T + HALF_A_SAMPLE)
+
+
+@pytest.mark.parametrize(
+    ("scaling", "message"),
+    [([1.0, 2.0, 3.0], r"`state_scaling` of \[tuning\] must be 4 numbers, .* got 3"), (None, "")],
+)
+def test_units_of_states_are_one_each(scaling, message):
+    made = scenario(tuning={"model": "kinematic", "state_scaling": scaling} if scaling else
+                    {"model": "kinematic"})  # fmt: skip
+    if not message:
+        assert models.tuning_scaling(made) is None
+        four = scenario(tuning={"model": "kinematic", "state_scaling": [1.0, 2.0, 3.0, 4.0]})
+        assert models.tuning_scaling(four).tolist() == [1.0, 2.0, 3.0, 4.0]
+        return
+    with pytest.raises(ft.InputError, match=message):
+        models.tuning_scaling(made)
+
+
+def test_noise_for_tuning_is_that_of_light_gusts_and_a_share_of_the_rate_limits():
+    """MIL-F-8785C: a deviation of a tenth of 15 knots, and Dryden's scales at 100 m."""
+    made = scenario("exact", tuning={"objective": "rms", "navigation": "standard"},
+                    flight={"V_a_mps": V, "h_m": 100.0})  # fmt: skip
+    found = noise.tuning_noise(made, made.laws[0])
+
+    sd = 0.1 * 7.7 / V
+    # Below 1000 ft the slowest gusts are those of 2 pi V / L, well above 1e-3 rad/s.
+    assert np.trapezoid(found.gusts, found.omega, axis=1) == pytest.approx(
+        [sd**2] * len(found.gusts), rel=0.03
+    )
+    feet = 100.0 / 0.3048
+    across, down = (x * 0.3048 for x in (feet / (0.177 + 0.000823 * feet) ** 1.2, feet))
+    slow = sd**2 / (math.pi * V) * np.array([across, down])
+    assert found.gusts[:, 0] == pytest.approx(slow, rel=1e-3)
+    assert found.rates_max == pytest.approx([0.1 * math.radians(90.0), 0.15 * 1.5])
+    assert found.dt == 0.02
+    assert (found.omega[0], found.omega[-1]) == pytest.approx((1e-3, math.pi / 0.02))
+    seen = ft.loop.Navigation.of("standard").densities(found.omega, 0.02, V)
+    assert np.array_equal(found.estimates, [seen["chi"], seen["gamma"]])
+    assert np.array_equal(found.measured, [seen["phi"], seen["n_z"]])
+    assert found.units == pytest.approx([G / V] * 2)  # of a rate; the law's command is one
+    stated = scenario("exact", tuning={
+        "objective": "rms", "navigation": "rtk", "command_rate_max": [6.0, 0.2],
+    })  # fmt: skip
+    assert noise.tuning_noise(stated, stated.laws[0]).rates_max == pytest.approx(
+        [math.radians(6.0), 0.2]
+    )
+    calm = scenario("exact")
+    assert noise.tuning_noise(calm, calm.laws[0]) is None
+
+
+def test_without_an_envelope_or_on_a_model_behind_lags_there_is_no_claim_over_one():
+    with pytest.raises(ft.ScenarioError, match="`envelope` must be given for a claim over one"):
+        models.trim_and_envelope(scenario(tuning={"model": "kinematic"}))
+    ranges = {"gamma_deg": [-10.0, 10.0], "phi_deg": [-30.0, 30.0], "n_z": [0.5, 1.5]}
+    around = {"envelope": {"V_a_mps": [20.0, 30.0], **ranges}}
+    behind = {"model": "kinematic", "lag_rad_s": [5.0, 5.0]}
+    with pytest.raises(ft.ScenarioError, match="without a lag for a claim over an envelope"):
+        models.trim_and_envelope(scenario(tuning=behind, **around))
+    beside = {"envelope": {"V_a_mps": [26.0, 30.0], **ranges}}
+    with pytest.raises(ft.ScenarioError, match="`envelope` must contain the trim"):
+        models.trim_and_envelope(scenario(tuning={"model": "kinematic"}, **beside))
+
+    trim, inside = models.trim_and_envelope(scenario(tuning={"model": "kinematic"}, **around))
+    assert inside.contains(trim)
