@@ -21,7 +21,7 @@ PACKAGE = Path(flighttune.__file__).parent
 
 
 NAMES = public_names()
-QUICK = "identify", "loop.Controller", "run_campaign", "show", "trim"
+QUICK = "loop.Controller", "show", "trim"
 PUBLIC = attrgetter(*NAMES)(flighttune)
 
 

@@ -98,7 +98,7 @@ def integrated_flight(folder, *, late=(0.0, 0.0), wind=(0.0, 0.0), V_a=25.0):
     return file
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_flight_of_the_equations_of_the_model_differs_by_wind_and_delays_alone(tmp_path):
     wind, late = (4.0, -7.0), (0.25, -0.03)
     model = load_aircraft("aerosonde").folder / "identified.json"

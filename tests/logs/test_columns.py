@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from fuzzing import slow
+from fuzzing import marked, slow
 from log_columns import ERRORS, RIGHT, STEP, G, axes_of, outer_loop, sampled
 from log_files import heavy_cessna
 from made_up import made_up_run
@@ -61,7 +61,7 @@ def check_error(log_of, flight, rate, name):
     assert any(re.search(says, line) for line in log["checks"]), log["checks"]
 
 
-@pytest.mark.parametrize("name", [*FEW, *slow(*MORE)])
+@pytest.mark.parametrize("name", marked([*FEW, *MORE], pytest.mark.soak, but=FEW))
 @pytest.mark.slow
 def test_an_error_of_a_column_is_said_with_its_cure(log_of, name):
     check_error(log_of, "still air", 10, name)

@@ -19,6 +19,7 @@ def printed_diagnosis(printed):
     return diagnosis(printed)
 
 
+@pytest.mark.soak
 def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, printed_diagnosis):
     factor = printed_diagnosis.common_factor
 
@@ -55,7 +56,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
     assert all(limit["factor_alone"] == np.inf for limit in printed_diagnosis.limits)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     found = diagnosis(relaxed(printed, 20.0, 20.0, 1.0, 20.0))
 

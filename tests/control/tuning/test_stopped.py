@@ -21,7 +21,7 @@ STEPS = 5
         {"tuning.model": "identified", "tuning.lag_s": [0.1, 0.4]},  # the slowest decay
     ],
 )
-@pytest.mark.slow
+@pytest.mark.soak
 def test_tuning_ends_with_the_step_at_which_it_is_stopped(changes):
     steps = 0
 

@@ -152,6 +152,7 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
     assert tuned.R_K < nominal.R_K
 
 
+@pytest.mark.soak
 def test_no_gains_nearby_are_better(model, tuned):
     problem = ft.loop.TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(MODERATE, g=G).models()

@@ -43,6 +43,7 @@ def test_it_prints_an_address_and_the_way_to_it_from_elsewhere(opened, tmp_path)
     assert [*tmp_path.iterdir()] == []
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_the_page(opened, number):
     running, line = opened

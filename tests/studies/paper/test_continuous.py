@@ -58,7 +58,7 @@ LONG = ("paper", False, 18.0), ("K6", True, 10.0), ("paper", True, 10.0), ("K6",
         *(pytest.param(*case, marks=pytest.mark.counts) for case in LONG),
     ],
 )
-@pytest.mark.slow
+@pytest.mark.soak
 def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, conditional, duration):
     gains = MARKED[name]
 

@@ -40,7 +40,7 @@ def test_every_property_is_that_of_jsbsim(aircraft):
     assert differing(flown) == []
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("model", "axis"),
     [
@@ -115,7 +115,7 @@ def test_so_is_one_whose_attitude_its_rotations_do_not_show(h, chi, gamma, phi):
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_slow_computers_ground_and_shifted_air_are():
     assert differing(flown_by_both("c172p", 2.0, steps=3, ground=430.0)) == []
 
