@@ -479,7 +479,9 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
 
 
 @pytest.mark.soak
-def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
+def test_a_slow_period_is_bettered_written_and_read_back(tmp_path, monkeypatch):
+    monkeypatch.setattr(retune, "DRAWS", 3)
+    monkeypatch.setattr(retune, "FINAL_DRAWS", 6)
     slow, out, log = (tmp_path / x for x in ("slow.params", "tuned.params", "flown.bin"))
     of_track = PX4.format(80.0).splitlines(keepends=True)[:4]  # the height is not searched
     slow.write_text("".join(of_track))
@@ -487,7 +489,7 @@ def test_a_slow_period_is_bettered_written_and_read_back(tmp_path):
     t, signals = sampled(run, noise=False, dropouts=False, late=False)
     beside = {"cross_track": 0.0 * t + 50.0, "height_err": 0.0 * t}
     write_dataflash(log, t, signals | beside)
-    options = ["--with", slow, "--flights", 16, "--budget", 150, "--out", out, "--workers", 1]
+    options = ["--with", slow, "--flights", 16, "--budget", 90, "--out", out, "--workers", 1]
     options += ["--log", log, "--navigation", "exact"]
     legs = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (300.0, 0.0), (420.0, 180.0))]
     route = [f"--set=route.waypoint={legs}".replace("':", "'=")]
