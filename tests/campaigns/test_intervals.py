@@ -146,3 +146,63 @@ def test_gains_without_a_draw_that_both_fly_are_not_compared():
     })  # fmt: skip
 
     assert intervals.paired(rows, "chi.ITAE") == []
+
+
+def test_intervals_are_of_95_percent_and_of_wilson_where_nothing_else_is_chosen():
+    flags, values = np.arange(40) < 31, np.arange(40.0)
+    wilson = stats.binomtest(31, 40).proportion_ci(0.95, method="wilson")
+    exact = stats.binomtest(31, 40).proportion_ci(0.9, method="exact")
+    alone = np.arange(40)
+
+    assert intervals.rate_interval(31, 40) == pytest.approx((wilson.low, wilson.high))
+    assert intervals.share(flags, alone)[1:3] == pytest.approx((wilson.low, wilson.high))
+    other = intervals.share(flags, alone, method="clopper-pearson", confidence=0.9)
+    assert other == pytest.approx((31 / 40, exact.low, exact.high, 40))
+    # largest k with P(Bin(40, 1/2) < k) <= 2.5 %, and its mirror image
+    low = int(stats.binom.ppf(0.025, 40, 0.5))
+    assert intervals.quantile_interval(values, 0.5) == (low - 1.0, 40.0 - low)
+    assert intervals.percentile(values, 0.5, alone)[1:3] == (low - 1.0, 40.0 - low)
+    low = int(stats.binom.ppf(0.05, 40, 0.5))
+    assert intervals.percentile(values, 0.5, alone, confidence=0.9)[1:3] == (low - 1.0, 40.0 - low)
+
+
+@pytest.mark.parametrize(("effective", "as_if"), [(1000.0, 40), (40.0, 40), (7.9, 7), (0.3, 1)])
+def test_an_effective_number_of_values_is_whole_and_between_one_and_all(effective, as_if):
+    values = np.arange(1.0, 41.0)
+    at_most = stats.binom.cdf(np.arange(as_if), as_if, 0.5)
+    low = np.floor(np.sum(at_most <= 0.025) * 40 / as_if)
+    high = np.ceil((np.sum(at_most < 0.975) + 1) * 40 / as_if)
+
+    found = intervals.quantile_interval(values, 0.5, effective=effective)
+
+    assert found == (low or -np.inf, high if high <= 40 else np.inf)
+
+
+def test_the_last_bits_of_equal_values_do_not_change_the_interval_of_their_quantile():
+    """Ten starts with five flights each, whose values differ by rounding."""
+    starts = np.repeat(np.arange(10), 5)
+    values = np.repeat(np.arange(1.0, 11.0) ** 2, 5)
+    noisy = values * (1.0 + 1e-13 * np.tile([-2, -1, 0, 1, 2], 10))
+
+    for q in (0.05, 0.5, 0.95):
+        exact, off = (intervals.percentile(x, q, starts) for x in (values, noisy))
+        assert off == pytest.approx(exact, rel=1e-9)
+        assert np.isnan(intervals.percentile(values[:0], q, starts[:0])[:3]).all()
+
+
+def test_flags_in_clusters_count_as_their_effective_number():
+    """Six clusters of four, of which one is split: variance of a ratio of totals, by hand."""
+    flags = np.repeat([True, True, True, True, False, False], 4)
+    flags[0] = False
+    clusters, p = np.repeat(np.arange(6), 4), 15 / 24
+    totals = np.array([3.0, 4.0, 4.0, 4.0, 0.0, 0.0]) - 4.0 * p
+    of_mean = 6 / 5 * np.sum(totals**2) / 24**2
+    size = p * (1.0 - p) / of_mean
+
+    assert intervals.effective_size(flags, clusters) == pytest.approx(size)
+    found = intervals.share(flags, clusters)
+    assert (found.value, found.n) == (p, 24)
+    # Wilson's interval solves (p - x)^2 = z^2 x (1 - x) / n
+    z2 = stats.norm.ppf(0.975) ** 2
+    for end in (found.lo, found.hi):
+        assert (p - end) ** 2 == pytest.approx(z2 * end * (1.0 - end) / size)

@@ -181,6 +181,97 @@ def test_few_values_are_classes_of_their_own_and_many_are_split_into_equal_ones(
     assert findings.classes_of(many, 4).tolist() == sorted([0, 1, 2, 3] * 25, reverse=True)
 
 
+@pytest.mark.parametrize(
+    ("values", "sizes"),
+    [
+        # at most ten values, of which each has five flights on average
+        (
+            np.repeat(np.arange(10.0), [1, 2, 3, 4, 5, 5, 6, 7, 8, 9]),
+            [1, 2, 3, 4, 5, 5, 6, 7, 8, 9],
+        ),
+        (np.arange(110.0), [11] * 10),
+        # at least five flights in a class, but two classes
+        (np.arange(45.0), [5] * 9),
+        (np.arange(27.0), [5, 6, 5, 6, 5]),
+        (np.arange(8.0), [4, 4]),
+        (np.arange(4.0), [2, 2]),
+        # eleven values are more than ten, equal ones stay together
+        (np.repeat(np.arange(11.0), 10), [10] * 5 + [20] + [10] * 4),
+    ],
+)
+def test_classes_have_five_flights_and_are_ten_at_most(values, sizes):
+    classes = findings.classes_of(pd.Series(np.random.default_rng(2).permutation(values)))
+
+    assert np.bincount(classes).tolist() == sizes
+    assert np.bincount(findings.classes_of(pd.Series(values.astype(str)))).sum() == len(values)
+    assert len(set(findings.classes_of(pd.Series(values.astype(str))))) == len(set(values))
+
+
+@pytest.mark.parametrize(("confidence", "z"), [(0.95, 1.959964), (0.9, 1.644854)])
+def test_the_interval_of_a_rank_correlation_is_that_of_bonett_and_wright(flown, confidence, z):
+    table, measure = flown
+
+    found = of(findings.influences(table, measure, confidence=confidence), "speed")
+
+    half = z * math.sqrt((1.0 + found["rho"] ** 2 / 2.0) / (800 - 3))
+    ends = math.tanh(math.atanh(found["rho"]) - half), math.tanh(math.atanh(found["rho"]) + half)
+    assert (found["lo"], found["hi"]) == pytest.approx(ends, abs=1e-6)
+    (line,) = findings.influences(pd.DataFrame({"x": np.arange(20.0)}), np.arange(20.0))
+    assert (line["lo"], line["hi"]) == (1.0, 1.0)
+
+
+def test_partial_correlations_are_with_categories_fixed_and_of_no_collinear_numbers(flown):
+    table, measure = flown
+    some = table[["kind", "speed", "bias"]]
+
+    found = of(findings.influences(some, measure), "speed")
+
+    kinds = np.column_stack([table["kind"] == x for x in ("calm", "gusty", "rough")])
+    others = np.column_stack([kinds, table["bias"].rank()]).astype(float)
+    left = [
+        y - others @ np.linalg.lstsq(others, y)[0]
+        for y in (table["speed"].rank(), stats.rankdata(measure))
+    ]
+    assert found["partial"] == pytest.approx(stats.pearsonr(*left).statistic, abs=1e-7)
+    assert math.isnan(of(findings.influences(some, measure), "kind")["partial"])
+    twice = findings.influences(some.assign(double=2.0 * some["speed"]), measure)
+    assert math.isnan(of(twice, "bias")["partial"])
+
+
+@pytest.mark.parametrize(("numbers", "known"), [(7, True), (8, False)])
+def test_partial_correlations_need_two_flights_more_than_numbers(numbers, known):
+    rng = np.random.default_rng(3)
+    table = pd.DataFrame(rng.normal(size=(10, numbers)), columns=[*map(str, range(numbers))])
+
+    found = findings.influences(table, rng.normal(size=10))
+
+    assert {math.isnan(row["partial"]) for row in found} == {not known}
+
+
+def test_the_p_values_of_both_tests_are_corrected_together(flown):
+    table, measure = flown
+    some = table[["nothing", "kind"]]
+
+    found = findings.influences(some, measure)
+
+    groups = [measure[table["kind"] == kind] for kind in ("calm", "gusty", "rough")]
+    tenths = np.array_split(measure[np.argsort(table["nothing"].to_numpy())], 10)
+    p = [
+        stats.spearmanr(table["nothing"], measure).pvalue,
+        stats.kruskal(*tenths).pvalue,
+        stats.kruskal(*groups).pvalue,
+    ]
+    by_size = sorted(zip(p, ("rho", "share", "kind"), strict=True))
+    largest, expected = 0.0, {}
+    for factor, (value, name) in zip((3, 2, 1), by_size, strict=True):
+        largest = expected[name] = max(largest, min(1.0, factor * value))
+    nothing, kind = of(found, "nothing"), of(found, "kind")
+    assert nothing["p_rho"] == pytest.approx(expected["rho"])
+    assert nothing["p_share"] == pytest.approx(expected["share"])
+    assert (kind["p_share"], kind["p_rho"]) == pytest.approx((expected["kind"], 1.0))
+    assert (kind["apart"], nothing["apart"]) == (True, False)
+
+
 @pytest.mark.parametrize("column", [["calm"] * 4, ["a", "b", "c", "d"]])
 def test_a_category_with_one_value_or_as_many_as_rows_has_no_share(column):
     assert np.isnan(findings._share(pd.Series(column), np.arange(4.0))).all()

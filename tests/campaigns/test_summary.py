@@ -1,6 +1,8 @@
 """What is said of groups, on rows whose truth is known."""
 
+import itertools
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
 import flighttune as ft
-from flighttune.campaigns.statistics import intervals
+from flighttune.campaigns.statistics import findings, intervals
 from flighttune.campaigns.statistics.findings import findings_of
 from flighttune.outputs.pages.campaign_charts import rates
 
@@ -214,3 +216,107 @@ def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(flown)
             completed = first[first["status"] == "completed"]["chi.ITAE"]
             assert p95.value == pytest.approx(np.quantile(completed, 0.95))
             assert p95.n == len(completed)
+
+
+@pytest.mark.parametrize(("met", "answer"), [(60, "yes"), (30, "no"), (54, "")])
+def test_each_group_has_its_answer_about_the_share_that_is_required(plan, met, answer):
+    """Of 60 with 0.9: 0.9^-60 / 2 exceeds 2 / 0.05, half the flights are far below, 54 are it."""
+    campaign = plan.campaign.model_copy(update={"until_sure": 0.9})
+    required = replace(plan, campaign=campaign)
+    rows = made_up_rows(plan)
+    rows = rows[rows["draw"] < 60].assign(success=True)
+    first = (rows["plant"] == "kinematic") & (rows["gains"] == "paper")
+    rows.loc[first, "success"] = np.arange(60) < met
+
+    found = findings.answers(rows, required)
+
+    assert found == {**dict.fromkeys((x.label for x in plan.groups), "yes"),
+                     "kinematic / paper": answer}  # fmt: skip
+    assert findings.answers(rows, plan) == {}
+    if not answer:
+        assert findings_of(rows, required).values["sure"] == found
+
+
+def test_groups_with_the_same_answer_share_a_sentence():
+    answers = {"a / x": "no", "b / x": "yes", "c / x": "", "d / x": "yes"}
+
+    assert findings.answer_words(answers, 0.975) == (
+        "At least 97.5 % of the flights of b / x and d / x succeed. "
+        "Fewer than 97.5 % of the flights of a / x succeed. "
+        "It is not sure whether at least 97.5 % of the flights of c / x succeed."
+    )
+    assert findings.answer_words({}, None) == ""
+
+
+def test_success_is_split_over_classes_of_the_parameter_that_decides_it(flown, plan):
+    """The airspeed decides; five classes of equal size, next to each other."""
+    splits = {split["group"]: split for split in flown.splits}
+
+    # with K3 all flights succeed: nothing decides
+    assert [*splits] == [x.label for x in plan.groups if x.gains == "paper"]
+    rows = own_rows(flown, {"plant": CRAFT, "gains": "paper"}).sort_values("flight.V_a_mps")
+    split, V = splits[f"{CRAFT} / paper"], np.sort(rows["flight.V_a_mps"].to_numpy())
+    assert split["parameter"] == "flight.V_a_mps"
+    of_class = V.reshape(5, 40)
+    assert split["centres"] == pytest.approx(np.median(of_class, axis=1))
+    assert [x.n for x in split["success"]] == [40] * 5
+    succeed = rows["success"].to_numpy().reshape(5, 40).mean(axis=1)
+    assert [x.value for x in split["success"]] == pytest.approx(succeed)
+    between = 0.5 * (of_class[:-1, -1] + of_class[1:, 0])
+    edges = [V[0], *between, V[-1]]
+    assert split["labels"] == [f"{a:.4g} to {b:.4g}" for a, b in itertools.pairwise(edges)]
+
+
+def test_values_of_their_own_and_categories_name_the_classes_of_a_split(plan):
+    rows = made_up_rows(plan)
+    rows = rows[(rows["draw"] < 60) & (rows["plant"] == CRAFT)].assign(success=True)
+    late = rows["limits.n_z_rate_per_s"] == 1.2
+    rows.loc[late, "success"] = False
+    named = rows.assign(**{"limits.n_z_rate_per_s": np.where(late, "late", "early")})
+
+    of_numbers, of_names = (findings_of(x, plan).splits[0] for x in (rows, named))
+
+    assert of_numbers["labels"] == ["0.8", "1", "1.2"]
+    assert of_numbers["centres"] == [0.8, 1.0, 1.2]
+    assert [x.value for x in of_numbers["success"]] == [1.0, 1.0, 0.0]
+    assert (of_names["labels"], of_names["centres"]) == (["early", "late"], [0.0, 1.0])
+
+
+@pytest.mark.parametrize(("flights", "first"), [(200, 10), (40, 10), (30, 7), (3, 1)])
+def test_a_convergence_curve_begins_with_ten_flights_or_a_quarter(plan, flights, first):
+    rows = made_up_rows(plan)
+    few = findings_of(rows[rows["draw"] < flights], plan)
+
+    (counts, *_) = (curve["n"] for curve in few.convergence)
+
+    assert (counts[0], counts[-1]) == (first, flights)
+    assert len(counts) <= 25
+    # evenly in the logarithm, up to whole numbers
+    assert len(counts) == len({round(x) for x in np.geomspace(first, flights, 25)})
+
+
+def test_the_worst_flights_of_a_group_are_listed_with_what_was_drawn(by_group, flown, plan):
+    group = by_group[f"{CRAFT} / paper"]
+    rows = own_rows(flown, group)
+    done = rows[rows["status"] == "completed"].sort_values("chi.ITAE", ascending=False)
+
+    assert [x["run"] for x in group["worst"]] == done["run"].head(5).tolist()
+    assert group["worst"][0]["chi.ITAE"] == done["chi.ITAE"].max()
+    assert [*group["worst"][0]["parameters"]] == [*plan.keys]
+    spread = group["metrics"]["chi.ITAE"]
+    assert spread["mean"] == pytest.approx(done["chi.ITAE"].mean())
+    assert spread["p95"] == pytest.approx(np.quantile(done["chi.ITAE"], 0.95))
+    assert group["success"] == pytest.approx(rows["success"].mean())
+
+
+def test_a_requirement_that_a_value_just_keeps_is_met_and_others_are_at_least_bounds(plan):
+    rows = made_up_rows(plan).assign(**{"gamma.ITAE": 0.25})
+    bounds = {"at_most": {"gamma": {"ITAE": 0.25}}}, {"at_least": {"gamma": {"ITAE": 0.5}}}
+    flown = findings_of(rows, made_up_plan(*bounds))
+
+    least, most = flown.values["requirements"]
+
+    assert (most["sense"], most["missed"], most["near"]) == ("at_most", 0, 0.0)
+    done = (flown.rows["status"] == "completed").sum()
+    # (0.5 - 0.25) / 0.5
+    assert (least["sense"], least["missed"], least["near"]) == ("at_least", done, 0.5)

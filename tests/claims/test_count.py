@@ -191,3 +191,48 @@ def test_verbs_that_count_until_sure_say_after_how_many_looks_a_clear_answer_com
 def test_too_few_flights_are_refused_with_two_digits_of_what_the_confidence_leaves():
     with pytest.raises(ft.InputError, match=r"at least 408 .* `confidence` 0\.983, got 60"):
         count.check_enough(60, 0.01, 1.0 - 0.05 / 3.0)
+
+
+def test_looks_are_a_dozen_flights_apart_and_later_an_eighth():
+    """12, 24, ... 96, then 108 // 8 = 13 more; the last is the number of draws."""
+    dozens = [*range(12, 109, 12)]
+
+    assert count.looks(5) == [5]
+    assert count.looks(12) == [12]
+    assert count.looks(100) == [*dozens[:-1], 100]
+    assert count.looks(121) == [*dozens, 121]
+    assert count.looks(140) == [*dozens, 121, 136, 140]
+
+
+@pytest.mark.parametrize("epsilon", [0.01, 0.2])
+def test_evidence_for_more_is_of_at_most_twenty_times_epsilon(epsilon):
+    def ratio(q):
+        return (q / epsilon) ** 2 * ((1.0 - q) / (1.0 - epsilon)) ** 38
+
+    top = min(1.0, 20.0 * epsilon)
+    above = quad(ratio, epsilon, top)[0] / (top - epsilon)
+
+    assert np.exp(count.log_evidence(2, 40, epsilon)[1]) == pytest.approx(above, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("outside", "flights", "epsilon", "early"), [(0, 9, 0.1, 4), (3, 9, 0.3, 7)]
+)
+def test_chances_of_one_and_two_steps_are_sums_over_all_outcomes(outside, flights, epsilon, early):
+    """Wrong if at most so many are outside, or none of the first, each outcome once."""
+    outcomes = (np.arange(2**flights)[:, None] >> np.arange(flights)) & 1
+    k = outcomes.sum(axis=1)
+    weights = epsilon**k * (1.0 - epsilon) ** (flights - k)
+    one = k <= outside
+    two = one | (outcomes[:, :early].sum(axis=1) == 0)
+
+    assert count.chance(outside, flights, epsilon) == pytest.approx(weights[one].sum())
+    assert count.chance(outside, flights, epsilon, early) == pytest.approx(weights[two].sum())
+
+
+@pytest.mark.parametrize("refused", [{"epsilon": 1.05}, {"confidence": 1.05}, {"epsilon": 0.0}])
+@pytest.mark.parametrize("of", [count.allowed_outside, count.sure])
+def test_epsilon_and_confidence_are_probabilities(of, refused):
+    counts = (0, 40) if of is count.sure else (40,)
+    with pytest.raises(ft.InputError, match="between 0 and 1"):
+        of(*counts, **{"epsilon": 0.1, "confidence": 0.9, **refused})

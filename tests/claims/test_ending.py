@@ -3,6 +3,7 @@
 import itertools
 import re
 
+import numpy as np
 import pytest
 from made_up_band import about_of
 from scipy.stats import binom
@@ -158,3 +159,30 @@ def test_too_few_flights_for_a_claim_are_refused(rule):
     assert rule(59, EPSILON, CONFIDENCE).flights == 59
     with pytest.raises(ft.InputError, match="`flights` must be at least 59"):
         rule(58, EPSILON, CONFIDENCE)
+
+
+@pytest.mark.parametrize("rule", [endings.Fixed.enough, endings.AnyTime.enough])
+def test_as_many_flights_as_five_outside_need_are_planned(rule):
+    planned = rule(None, EPSILON, CONFIDENCE).flights
+
+    assert binom.cdf(5, planned, EPSILON) <= 1.0 - CONFIDENCE < binom.cdf(5, planned - 1, EPSILON)
+    assert rule(None, EPSILON, CONFIDENCE, outside=0).flights == 59
+
+
+@pytest.mark.parametrize(
+    ("flights", "allowed"), [(12, 5), (208, 5), (207, 5), (233, 5), (234, 6), (416, 13)]
+)
+def test_of_fewer_flights_than_planned_as_many_may_be_outside_as_of_all(flights, allowed):
+    assert (ANY.allowed(flights), ANY.expected(flights)) == (allowed, 208)
+    n = max(flights, 208)
+    assert binom.cdf(allowed, n, EPSILON) <= 0.05 < binom.cdf(allowed + 1, n, EPSILON)
+
+
+def test_the_scale_is_the_largest_score_that_is_counted_inside_once_the_count_is_complete():
+    scores = np.random.default_rng(3).permutation(np.arange(1.0, 106.0))
+
+    assert FIXED.scale(scores[:92]) == ANY.scale(scores) == np.inf
+    assert FIXED.scale(scores[:93]) == np.sort(scores[:93])[-2]  # one of 93 may be outside
+    assert TWO.scale(scores[:66]) == scores[:66].max()
+    assert TWO.scale(scores[:67]) == np.inf
+    assert TWO.scale(scores) == 104.0

@@ -323,3 +323,185 @@ def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hol
     assert inside > 0.0 > max(outside, hole)
     ground, start = planned.scenario.flight.ground_m, planned.scenario.flight.h_m
     assert volume.high == pytest.approx(40.0 + ground - start)
+
+
+def test_a_flight_of_a_claim_lasts_three_times_its_time_in_still_air_and_is_drawn_anew():
+    """300 m at 25 m/s: 12 s."""
+    plan = short_plan()
+    hourly = hourly_flights.hourly_plan(plan)
+    changes = {**SHORT, "flight.duration_s": 20.0}
+
+    assert hourly.scenario.flight.duration_s == 36.0
+    assert hourly.campaign.seed == plan.campaign.seed + 1
+    assert hourly_flights.hourly_plan(short_plan(changes)).scenario.flight.duration_s == 20.0
+
+
+FROM_S, RECEIVER_S = "plant.airframe.fault.from_s", "navigation.fault.from_s"
+
+
+@pytest.mark.parametrize(
+    ("how", "fault", "ended_s", "drawn"),
+    [
+        # a size without a range is fixed: an engine at 1 %
+        ("cut", {"kind": "engine"}, 2.0, {FROM_S: (0.0, 30.0), "ended_s": (1e6, 1e6)}),
+        ("glide", {"kind": "engine"}, 2.0,
+         {FROM_S: (0.0, 30.0), "ended_s": (1e6, 1e6), "side": (-1, 1)}),
+        ("circle", {"kind": "receiver_jump", "jump_m": (10.0, 20.0)}, 2.0,
+         {RECEIVER_S: (0.0, 30.0), "jump_m": (10.0, 20.0), "course_deg": (-180.0, 180.0),
+          "side": (-1, 1)}),
+        # the travel of the aileron of the Aerosonde
+        ("cut", {"kind": "aileron_stuck"}, None,
+         {FROM_S: (0.0, 30.0), "aileron_stuck_deg": (-25.0, 25.0)}),
+        ("cut", {"kind": "aileron_stuck", "stuck_deg": (-3.0, 5.0)}, None,
+         {FROM_S: (0.0, 30.0), "aileron_stuck_deg": (-3.0, 5.0)}),
+        ("parachute", {"kind": "airspeed_wrong", "bias_mps": (-2.0, 3.0)}, 1.0,
+         {FROM_S: (0.0, 30.0), "V_a_bias_mps": (-2.0, 3.0)}),
+    ],
+)  # fmt: skip
+def test_flights_with_a_fault_are_drawn_over_its_window_and_its_sizes(how, fault, ended_s, drawn):
+    stated = rates(**fault).model_dump(exclude_none=True)
+    chute = {"sink_mps": 5.0, "opens_s": 1.0} if how == "parachute" else {}
+    table = rates_keys.RatesTable.model_validate({**stated, "ending": {"kind": how, **chute}})
+    plan = short_plan()
+    before = hourly_flights.Ends(plan=plan, rates=table, volume=box(1e4), alarms=None)
+
+    flights = before.term(0, ended_s, 30.0)
+
+    values = flights.plan.with_runs(64).parameters(0, 64)
+    own = {key.split(".")[-1] if key not in (FROM_S, RECEIVER_S) else key: values[key]
+           for key in flights.plan.keys if key not in plan.keys}  # fmt: skip
+    assert own.keys() == drawn.keys()
+    for key, (low, high) in drawn.items():
+        assert low <= own[key].min() <= low + 0.2 * (high - low), key
+        assert high - 0.2 * (high - low) <= own[key].max() <= high, key
+    assert (flights.leaving.how, flights.leaving.after_s) == (how, ended_s)
+    assert flights.plan.campaign.seed == plan.campaign.seed + 1
+    (aircraft,) = flights.plan.scenario.plant
+    in_air = None if aircraft.airframe is None else aircraft.airframe.fault
+    assert (in_air is None) == (RECEIVER_S in drawn)
+    if fault["kind"] == "engine":
+        assert (in_air.throttle_factor, in_air.ended_by) == (
+            0.01, {"cut": "cut", "glide": "thrust"}[how],
+        )  # fmt: skip
+
+
+def test_flights_that_nothing_ends_are_those_without_an_ending():
+    plan = short_plan()
+    flights = hourly_flights.Ends(plan=plan, rates=rates(), volume=box(1e4), alarms=None)
+    alarms = Alarms(models=(), middle=(), half=())
+
+    assert flights.term(None, None, 0.0).plan is plan
+    ended = replace(flights, alarms=alarms).term(None, None, 0.0).plan
+    assert [key for key in ended.keys if key not in plan.keys] == ["plant.airframe.fault.ended_s"]
+    assert ended.campaign.seed == plan.campaign.seed
+
+
+def test_an_exact_position_has_no_receiver_that_fails():
+    faulty = rates(kind="receiver_jump", jump_m=(1.0, 2.0))
+    exact = ft.flights("circuit_in_wind", changes=SHORT).knowing("exact")
+    with pytest.raises(ft.InputError, match="receiver_jump with exact navigation"):
+        hourly_flights.check_rates(counting.drawn(exact), faulty)
+
+
+def counted(left, fault=None, ended_s=None):
+    """300 flights of 100 s, of which so many leave."""
+    inside = (-1.0,) * 300
+    times = {"end_s": (100.0,) * 300, "ended_at_s": inside}
+    return hourly_flights.FlownTerm(
+        fault=fault, ended_s=ended_s, left_s=(5.0,) * left + inside[left:], **times
+    )
+
+
+def hours(healthy=0, faulty=0, target=None, later=(), **fault):
+    """A claim of one fault an hour that ends flights after 1 s."""
+    stated = rates(kind="aileron_stuck", per_hour=1.0, ended_s=1.0, **{"flights": 300, **fault})
+    stated = stated.model_copy(update={"flights": 300, "target_per_hour": target})
+    return per_hour.PerHour(
+        rates=stated.model_dump(mode="json", exclude_none=True), confidence=0.9,
+        plan={"nominal": {"flight": {"duration_s": 120.0}}}, volume=box(1e4),
+        terms=(counted(healthy), counted(faulty, 0, 1.0)),
+        later=tuple(counted(left, 0, ended_s) for left, ended_s in later),
+    )  # fmt: skip
+
+
+def test_the_bound_of_a_claim_is_that_of_its_counts():
+    """Clopper and Pearson at 0.1 / 4; three of 300 flights may be shorter than 100 s."""
+    from scipy.stats import beta
+
+    def upper(k, n=300, alpha=0.1 / 4):
+        return beta.ppf(1.0 - alpha, k + 1, n - k)
+
+    bound = hours(2, 4).bound
+
+    mean_h = (1.0 - upper(3)) * 100.0 / 3600.0
+    window, cap, odd = 100.0 / 3600.0, 120.0 / 3600.0, upper(0)
+    assert bound.healthy == pytest.approx(upper(2) / mean_h)
+    assert bound.faults == pytest.approx([(window * upper(4) + odd * cap) / mean_h])
+    assert bound.several == pytest.approx(0.5 * (window**2 + odd * cap**2) / mean_h)
+    # with a target the fault whose time is searched has a second count
+    assert hours(2, 4, target=0.5).bound.each == pytest.approx(1.0 - 0.1 / 5)
+
+
+@pytest.mark.parametrize(
+    ("later", "latest"),
+    [
+        ([], None),
+        ([(0, 1.0), (3, 2.0), (0, 3.0)], 3.0),
+        # the first failure ends the sequence, whatever comes after it
+        ([(0, 1.0), (200, 2.0), (0, 3.0)], 1.0),
+        ([(200, 1.0), (0, 2.0)], None),
+    ],
+)
+def test_the_latest_time_of_ending_is_that_before_the_first_failure(later, latest):
+    claim = hours(target=1.0, later=later)
+    alone = claim.bound.total
+
+    assert alone < 1.0 < hours(0, 200, target=1.0).bound.total
+    assert claim.latest == (latest and ("aileron_stuck", latest))
+    assert claim.total_with(counted(0, 0, 9.0)) == alone
+
+
+def test_a_target_is_met_by_the_total_and_asks_for_flights_by_half_of_it():
+    bound = hours(0, 40, target=1.0).bound
+
+    assert hours().met is None
+    assert hours(0, 40, target=1.0).met is (bound.total <= 1.0)
+    assert [hours(0, 0, target=x).met for x in (1.0, 0.1)] == [True, False]
+    assert per_hour.healthy_flights_for(hours()) is None
+    # none of n outside: (1 - epsilon)^n <= 1 - confidence of each count
+    claim = hours(0, 40, target=0.02)
+    epsilon = 0.5 * 0.02 * claim.exposure.hours(claim.bound.each)
+    n = per_hour.healthy_flights_for(claim)
+    spent = 1.0 - claim.bound.each
+    assert (1.0 - epsilon) ** n <= spent < (1.0 - epsilon) ** (n - 1)
+
+
+def test_the_healthy_flights_are_too_few_if_none_left_and_their_bound_exceeds_the_target():
+    healthy = hours(target=0.5).bound.healthy
+
+    assert hours(target=0.9 * healthy).too_few
+    assert not hours(target=1.1 * healthy).too_few
+    assert not hours(1, target=0.9 * healthy).too_few
+    assert not hours().too_few
+
+
+def test_the_largest_term_is_that_of_a_fault_or_of_healthy_flight():
+    assert hours(0, 200).largest == 0
+    assert hours(200, 0).largest is None
+
+
+@pytest.mark.parametrize(
+    ("terms", "later"),
+    [
+        ((counted(0), counted(0, 0, 2.0)), ()),  # ended at another time than stated
+        ((counted(0), counted(0, 1, 1.0)), ()),  # another fault
+        ((counted(0, 0), counted(0, 0, 1.0)), ()),
+        ((counted(0),), ()),
+        ((counted(0), counted(0, 0, 1.0)), (counted(0), )),  # no fault
+        ((counted(0), counted(0, 0, 1.0)),
+         (counted(0, 0, 2.0), replace(counted(0, 0, 3.0), left_s=(), end_s=(), ended_at_s=()))),
+    ],
+)  # fmt: skip
+def test_a_claim_has_the_flights_that_its_rates_state(terms, later):
+    with pytest.raises(ft.InputError, match=r"`(terms|later)` must be"):
+        replace(hours(), terms=terms, later=later)

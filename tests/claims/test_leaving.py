@@ -1,0 +1,296 @@
+"""When made-up flights leave a box, are ended, and come down: times and distances by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from made_up import made_up_run, made_up_scenario
+
+from flighttune.claims import hourly_flights, leaving, rates_keys
+from flighttune.gaps.watch import SignalModel
+
+RATE, V, G = 50.0, 25.0, 9.81
+SIDE, HIGH = 100.0, 50.0
+SCENARIO = made_up_scenario(
+    controller={"rate_hz": RATE}, flight={"h_m": 300.0, "ground_m": 100.0, "g_mps2": G}
+)
+FAULTY = made_up_scenario(
+    controller={"rate_hz": RATE},
+    flight={"h_m": 300.0, "ground_m": 100.0, "g_mps2": G},
+    plant=[
+        {"kind": "kinematic"},
+        {
+            "kind": "jsbsim",
+            "aircraft": "aerosonde",
+            "airframe": {"fault": {"from_s": 1.5, "throttle_factor": 0.01}},
+        },
+    ],
+)
+CORNERS = ((-SIDE, -SIDE), (SIDE, -SIDE), (SIDE, SIDE), (-SIDE, SIDE))
+BOX = leaving.Volume(rings=(CORNERS,), outside=(False,), low=-20.0, high=HIGH)
+WIDE = leaving.Volume(
+    rings=(tuple((1e4 * n, 1e4 * e) for n, e in CORNERS),), outside=(False,), low=None, high=None
+)
+NEVER = leaving.NEVER
+
+
+def flight(seconds=6.0, status="completed", climb=0.0, **columns):
+    """Straight north at 25 m/s, 200 m above the ground."""
+    t = np.arange(round(seconds * RATE) + 1) / RATE
+    usual = {
+        "north": V * t, "east": 0.0 * t, "h": 300.0 + climb * t, "V_a": V + 0.0 * t,
+        "V_g": V + 0.0 * t, "wind_north": 0.0 * t, "wind_east": 0.0 * t,
+    }  # fmt: skip
+    return made_up_run({**usual, **columns}, t, status=status)
+
+
+def probe(volume=WIDE, how="cut", after_s=None, alarms=None, lead_s=0.0, **ending):
+    """The probe of flights that are ended so, a time after a fault at 1.5 s."""
+    table = rates_keys.EndingTable.model_construct(
+        kind=how,
+        **{
+            "fall_per_height": None,
+            "sink_mps": None,
+            "opens_s": None,
+            "after_alarm_s": 0.0,
+            **ending,
+        },
+    )
+    return leaving.Leaving(
+        volume=volume, ending=table, how=how, after_s=after_s, alarms=alarms, lead_s=lead_s
+    )
+
+
+@pytest.mark.parametrize(
+    ("run", "left"),
+    [
+        # 100 m at 25 m/s: on the edge at 4 s, seen outside at the next look, 0.1 s later
+        (flight(), 4.1),
+        (flight(4.0), NEVER),
+        # the last sample is looked at, also between looks
+        (flight(4.02), 4.02),
+        # 50 m at 20.08 m/s upwards, 20 m at 8.03 m/s downwards: 2.490 s
+        (flight(climb=20.08), 2.5),
+        (flight(climb=-8.03), 2.5),
+        (flight(3.0, status="ground_contact"), NEVER),
+        # without an ending the autopilot flies on, outside of what the model covers
+        (flight(3.0, status="left_envelope"), 3.0),
+    ],
+)
+def test_a_flight_leaves_at_the_first_look_outside_or_where_its_model_ends(run, left):
+    found = probe(BOX)(run, SCENARIO)
+
+    assert found == pytest.approx([left, run.t[-1], NEVER, NEVER])
+
+
+def test_a_flight_without_samples_left_at_its_start():
+    none = made_up_run({"north": []}, [], status="no_trim")
+
+    assert probe(BOX)(none, SCENARIO) == [0.0, 0.0, NEVER, NEVER]
+
+
+@pytest.mark.parametrize(
+    ("how", "after_s", "left", "ended_s"),
+    [
+        ("cut", 1.0, NEVER, 2.5),
+        ("parachute", 1.0, NEVER, 2.5),
+        # a manoeuvre stays above the floor
+        ("turn_back", 1.0, 2.6, 2.5),
+        ("circle", 1.0, 2.6, 2.5),
+        # under the floor, 2.6 s, before the flight is ended
+        ("cut", 1.2, 2.6, 2.7),
+        # the last sample, and later
+        ("turn_back", 1.5, 2.6, 3.0),
+        ("turn_back", 1.6, 2.6, NEVER),
+    ],
+)
+def test_to_come_down_after_an_ending_is_no_exit_by_the_floor(how, after_s, left, ended_s):
+    """Down at 8 m/s: under the floor, 20 m below the start, after 2.5 s."""
+    table = {"fall_per_height": 0.0, "sink_mps": 5.0, "opens_s": 0.0}
+
+    found = probe(BOX, how, after_s, **table)(flight(3.0, climb=-8.0), FAULTY)
+
+    assert found == pytest.approx([left, 3.0, ended_s, NEVER])
+
+
+# Kinetic as potential energy: V^2 / 2 g, m.
+RISE = V**2 / (2.0 * G)
+FALL = 0.05
+FAR = FALL * (200.0 + RISE)
+WIND = {"wind_north": np.full(151, 3.0), "wind_east": np.full(151, -4.0)}
+
+
+@pytest.mark.parametrize(
+    ("how", "ending", "status", "wind", "reach"),
+    [
+        # 200 m above the ground and its speed, times the distance of a fall per height
+        ("cut", {"fall_per_height": FALL}, "left_envelope", {}, FAR),
+        ("turn_back", {"fall_per_height": FALL}, "diverged", {}, FAR),
+        # thrust off, and in the air where its time ended
+        ("glide", {"fall_per_height": FALL}, "completed", {}, FAR),
+        ("glide", {"fall_per_height": FALL}, "ground_contact", {}, 0.0),
+        ("cut", {"fall_per_height": FALL}, "completed", {}, 0.0),
+        ("circle", {}, "ground_contact", {}, 0.0),
+        # nothing is declared
+        ("cut", {}, "left_envelope", {}, 1e4),
+        ("turn_back", {}, "left_envelope", {}, 1e4),
+        # 0.4 s until it is open, then 5 m/s of wind while it sinks 200 m at 40 m/s
+        ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "completed", WIND, 10.0 + 25.0),
+        ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "ground_contact", WIND, 10.0 + 25.0),
+        # the fall of others is not its own
+        ("parachute", {"sink_mps": 40.0, "opens_s": 0.0, "fall_per_height": FALL}, "completed",
+         WIND, 25.0),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("beyond", [-0.5, 0.5])
+def test_an_ended_flight_comes_down_inside_where_its_fall_is_shorter_than_the_room(
+    how, ending, status, wind, reach, beyond
+):
+    # ended at 2 s: a parachute is judged from there, all others from their last place
+    far = V * (2.0 if how == "parachute" else 3.0) + reach + beyond
+    ring = ((-2e4, -2e4), (far, -2e4), (far, 2e4), (-2e4, 2e4))
+    volume = leaving.Volume(rings=(ring,), outside=(False,), low=None, high=None)
+
+    left = probe(volume, how, 0.5, **ending)(flight(3.0, status=status, **wind), FAULTY)[0]
+
+    declared = "fall_per_height" in ending or how == "parachute" or reach == 0.0
+    assert left == pytest.approx(NEVER if declared and beyond > 0.0 else 3.0)
+
+
+def test_a_flight_of_few_samples_is_looked_at_in_each():
+    slow, t = made_up_scenario(controller={"rate_hz": 4.0}), np.arange(25) / 4.0
+    run = made_up_run({"north": V * t, "east": 0.0 * t, "h": 300.0 + 0.0 * t}, t)
+
+    assert probe(BOX)(run, slow)[0] == 4.25
+
+
+# ended before the last sample, and at it
+@pytest.mark.parametrize("after_s", [0.5, 1.5])
+@pytest.mark.parametrize(("room", "inside"), [(RISE + 0.1, True), (RISE - 0.1, False)])
+def test_a_fall_stays_under_the_top_if_all_speed_becomes_height(room, inside, after_s):
+    volume = leaving.Volume(rings=WIDE.rings, outside=(False,), low=None, high=room)
+    fallen = probe(volume, "cut", after_s, fall_per_height=0.0)
+
+    left = fallen(flight(3.0, status="left_envelope"), FAULTY)[0]
+
+    assert left == pytest.approx(NEVER if inside else 3.0)
+
+
+@pytest.mark.parametrize(("lead_s", "at_m"), [(0.0, 2.5 * V - 10.0), (0.5, 3.0 * V - 10.0)])
+def test_the_route_is_left_where_commands_that_are_planned_ahead_reach(lead_s, at_m):
+    t = np.arange(301) / RATE
+    run = flight(along=V * t - 10.0)
+
+    assert probe(how="circle", after_s=1.0, lead_s=lead_s)(run, FAULTY)[3] == pytest.approx(at_m)
+    # before the beginning of the route there is no place on it
+    behind = flight(along=V * t - 500.0)
+    assert probe(how="circle", after_s=1.0, lead_s=lead_s)(behind, FAULTY)[3] == 0.0
+
+
+def watching(half=1.0):
+    model = SignalModel(name="airspeed", target="V_a", terms=("1",), weights=(V,))
+    return leaving.Alarms(models=(model,), middle=(0.0,), half=(half,))
+
+
+@pytest.mark.parametrize(
+    ("after_s", "after_alarm_s", "ended_s"),
+    [(None, 0.0, 2.0), (None, 1.5, 3.5), (0.2, 1.5, 1.7), (4.0, 1.5, 3.5), (None, 5.0, NEVER)],
+)
+def test_the_first_of_alarm_and_fault_ends_a_flight(after_s, after_alarm_s, ended_s):
+    """The airspeed changes by 100 m/s at 2 s, far beyond the limit, 1 m/s, within a sample."""
+    t = np.arange(301) / RATE
+    run = flight(V_a=np.where(t < 2.0, V, V + 100.0))
+    assert watching().first(run) == pytest.approx(2.0)
+
+    ended = probe(how="turn_back", after_s=after_s, alarms=watching(), after_alarm_s=after_alarm_s)
+
+    assert ended(run, FAULTY)[2] == pytest.approx(ended_s)
+
+
+def test_a_monitor_is_silent_within_its_limits_and_where_it_cannot_judge():
+    t = np.arange(301) / RATE
+    run = flight(V_a=np.where(t < 2.0, V, V + 100.0))
+
+    assert watching(half=200.0).first(run) == math.inf
+    assert watching().first(made_up_run({"V_a": [40.0]}, [0.0])) == math.inf
+    assert watching().first(made_up_run({"h": t}, t)) == math.inf
+
+
+def test_a_fault_begins_where_its_scenario_says():
+    assert leaving.fault_time(FAULTY) == 1.5
+
+
+def test_a_volume_keeps_flights_in_and_out_of_its_areas_and_between_its_heights():
+    inner = tuple((0.5 * n, 0.5 * e) for n, e in CORNERS)
+    volume = leaving.Volume(rings=(CORNERS, inner), outside=(False, True), low=-20.0, high=HIGH)
+
+    found = volume.margins(np.array([
+        [75.0, 0.0, 0.0], [40.0, 0.0, 30.0], [130.0, 0.0, 60.0], [-90.0, 10.0, -25.0]
+    ]))  # fmt: skip
+
+    # to the nearer of both rings, to the top, to the floor
+    assert found == pytest.approx(np.array([
+        [25.0, 50.0, 20.0], [-10.0, 20.0, 50.0], [-30.0, -10.0, 80.0], [10.0, 75.0, -5.0]
+    ]))  # fmt: skip
+    assert np.isinf(WIDE.margins(np.zeros((1, 3)))[0, 1:]).all()
+
+
+def term(**fields):
+    usual = {
+        "fault": 0,
+        "ended_s": 1.0,
+        "left_s": (-1.0, 0.0, 3.0, 5.0),
+        "end_s": (9.0,) * 4,
+        "ended_at_s": (0.0, -1.0, 2.0, 3.0),
+    }
+    return hourly_flights.FlownTerm(**{**usual, **fields})
+
+
+def test_flights_of_a_term_are_counted_from_their_times():
+    """A time of 0 s is one; -1 is none."""
+    more = term().with_flights(
+        [leaving.Left(-1.0, 8.0, 5.0, 70.0), leaving.Left(4.0, 7.0, -1.0, -1.0)]
+    )
+
+    assert (term().count.outside, term().count.flights, term().ended) == (3, 4, 3)
+    assert (more.count.outside, len(more), more.ended) == (4, 6, 4)
+    assert more.left_s == (-1.0, 0.0, 3.0, 5.0, -1.0, 4.0)
+    assert more.end_s == (*(9.0,) * 4, 8.0, 7.0)
+    assert more.ended_at_s == (0.0, -1.0, 2.0, 3.0, 5.0, -1.0)
+    with pytest.raises(hourly_flights.InputError, match="three times of each"):
+        term(end_s=(9.0,))
+
+
+@pytest.mark.parametrize(
+    ("how", "again"),
+    [("cut", [0, 3, 4]), ("glide", [0, 3, 4]), ("circle", [0, 3, 4]), ("parachute", [])],
+)
+def test_flights_that_are_inside_when_they_are_ended_fly_their_ending(how, again):
+    flown = {
+        0: leaving.Left(NEVER, 9.0, 5.0, 100.0),
+        1: leaving.Left(NEVER, 9.0, NEVER, NEVER),  # not ended
+        2: leaving.Left(4.0, 9.0, 5.0, 100.0),  # left before
+        3: leaving.Left(6.0, 9.0, 5.0, 100.0),
+        4: leaving.Left(5.0, 9.0, 5.0, 100.0),
+        5: leaving.Left(0.0, 9.0, 5.0, 100.0),
+    }
+    flights = hourly_flights.TermFlights(plan=None, leaving=probe(how=how, after_s=1.0))
+
+    assert flights._to_end(flown) == again
+    at, place = {hourly_flights.ENDED_S: 5.0}, {hourly_flights.ENDED_AT_M: 100.0}
+    assert flights._ending(flown[0]) == {
+        "cut": at, "glide": {**at, **place}, "circle": place, "parachute": {},
+    }[how]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("how", "after_s", "alarms", "known"),
+    [("cut", 1.0, None, True), ("cut", None, None, False), ("glide", 1.0, None, False),
+     ("cut", 1.0, watching(), False)],
+)  # fmt: skip
+def test_only_a_cut_a_time_after_the_fault_is_known_before_the_flight(how, after_s, alarms, known):
+    flights = hourly_flights.TermFlights(
+        plan=None, leaving=probe(how=how, after_s=after_s, alarms=alarms)
+    )
+
+    assert flights._known_before is known
