@@ -7,7 +7,7 @@ import pytest
 from made_up import made_up_run
 
 from flighttune.outputs.drawing.palette import LineStyle
-from flighttune.outputs.pages import panels
+from flighttune.outputs.pages import campaign_charts, panels
 from flighttune.outputs.pages.panels import final_errors
 
 
@@ -147,3 +147,30 @@ def test_runs_that_did_not_fly_come_last_and_have_no_metrics():
 
     assert (first["flown_s"], last["flown_s"]) == (pytest.approx(0.2), 0.0)
     assert set(first) > set(last) == {"run", "flown_s", "outcome"}
+
+
+@pytest.mark.parametrize(
+    ("values", "bounds", "ends", "log"),
+    [
+        ([2.0, 4.0, 12.0], [8.0], (1.6, 12.4), ""),
+        ([2.0, 4.0], [12.0], (1.6, 12.4), ""),
+        ([4.0, 12.0], [2.0], (1.6, 12.4), ""),
+        ([2.0, 61.0], [], (2.0 / 1.1, 67.1), "x"),
+        ([2.0, 60.0], [], (2.0 - 2.32, 60.0 + 2.32), ""),
+        ([-2.0, 90.0], [], (-2.0 - 3.68, 90.0 + 3.68), ""),
+        ([], [5.0], (4.5, 5.5), ""),
+        ([0.0], [], (-1.0, 1.0), ""),
+        # of 100 times 1001 values the outer 500 of each side are left out
+        (np.arange(1001.0) - 500.0, [], (-495.0 - 39.6, 495.0 + 39.6), ""),
+    ],
+)
+def test_an_axis_of_a_distribution_holds_bounds_and_all_but_its_outermost_values(
+    values, bounds, ends, log
+):
+    """0.5 % at either end; logarithmic where the largest is over 30 times the smallest."""
+    each = [np.full(100, value) for value in values]
+
+    found, axes = campaign_charts._scale(each, bounds)
+
+    assert found == pytest.approx(ends)
+    assert axes == log
