@@ -246,3 +246,157 @@ def test_signals_in_the_air_become_those_over_ground_in_a_wind_from_ahead():
     assert over["nose"] == pytest.approx(np.full((1, 3), theta - steeper))
     assert over["tail"] == pytest.approx(np.full((1, 3), level - 25.0))
     assert over["chi"] == pytest.approx(np.zeros((1, 3)), abs=1e-12)
+
+
+def made_up_log(seconds=60.0, *, without=(), **columns):
+    """A level circle at 22 m/s that rolls by 12 deg to and fro, at 20 Hz."""
+    t = 0.05 * np.arange(round(20.0 * seconds) + 1)
+    made = {
+        "chi": np.angle(np.exp(1j * 0.1 * t)), "gamma": 0.02 + 0.0 * t, "V_g": 21.0 + 0.0 * t,
+        "V_a": 22.0 + 0.0 * t, "phi": 0.2 * np.sin(t), "n_z": 1.0 + 0.0 * t, "h": 300.0 + t,
+        "phi_cmd": 0.2 * np.sin(t + 0.3), "n_z_cmd": 1.1 + 0.0 * t, "theta": 0.09 + 0.0 * t,
+    } | columns  # fmt: skip
+    return made_up_run({name: x for name, x in made.items() if name not in without}, t)
+
+
+def test_stretches_have_the_signals_of_the_log_between_its_samples():
+    times, logged = of_log._stretches(made_up_log(), 0.02)
+
+    # three of 17 s, from one sample after the end of the one before
+    assert times.shape == (3, 850)
+    assert times[:, 0] == pytest.approx([0.0, 17.05, 34.1])
+    assert np.diff(times) == pytest.approx(np.full((3, 849), 0.02))
+    assert logged["chi"] == pytest.approx(0.1 * times)  # without jumps
+    assert logged["tail"] == pytest.approx(np.full(times.shape, -1.0))
+    assert logged["nose"] == pytest.approx(np.full(times.shape, 0.07))
+    assert logged["h"] == pytest.approx(300.0 + times)
+    assert (logged["n_z"][0, 0], logged["n_z_cmd"][0, 0]) == (1.0, 1.1)
+
+
+def test_what_a_log_lacks_is_assumed_or_left_out():
+    bare = made_up_log(without=("V_a", "h", "theta", "n_z_cmd"))
+
+    _, logged = of_log._stretches(bare, 0.02)
+
+    assert not {"tail", "nose", "n_z"} & {*logged}
+    assert (logged["n_z_cmd"] == 1.0).all()  # its load factor is flown
+    assert (logged["h"] == 1000.0).all()
+    assert (logged["V_a"] == 21.0).all()  # the ground speed
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        (made_up_log(without=("phi_cmd", "V_g")), "must have V_g, phi_cmd to be flown"),
+        (made_up_log(without=("n_z", "n_z_cmd")), "must have n_z to be flown on a model"),
+        (made_up_log(50.0), "must have 3 stretches of 17 s .* by 5 deg, got 2"),
+        (made_up_log(phi_cmd=0.04 * np.sin(0.05 * np.arange(1201))), "got 0"),
+    ],
+)
+def test_a_log_that_cannot_be_flown_says_what_is_missing(log, says):
+    with pytest.raises(ft.InputError, match=says):
+        of_log._stretches(log, 0.02)
+
+
+def test_a_difference_is_that_of_common_signals_after_the_start_has_decayed():
+    """5 s of 12 at 2 Hz do not count; a drifting signal has no mean in a stretch."""
+    t = np.array([[0.0], [50.0]]) + 0.5 * np.arange(24)
+    logged = {"chi": 0.1 + 0.02 * t, "phi": 0.3 + 0.0 * t, "n_z": 1.0 + 0.0 * t, "tail": 0.0 * t}
+    flown = {"chi": 0.0 * t, "phi": 0.1 + 0.0 * t, "n_z": np.where(t > 56.0, np.nan, 0.9)}
+
+    found = of_log.difference(t, logged, flown)
+
+    assert {*found} == {"chi", "phi", "n_z"}
+    line = 0.02 * 0.5 * (np.arange(14) - 6.5)
+    assert found["chi"] == pytest.approx(np.array([line, line]))
+    assert found["phi"] == pytest.approx(np.full((2, 14), 0.2))
+    scaled = of_log.scaled(t, logged, flown)
+    assert scaled.shape == (2, 42)
+    assert scaled[0, 28:] == pytest.approx(np.full(14, 0.1 / 0.05))
+    assert scaled[1, 28:].tolist() == pytest.approx([2.0] * 3 + [30.0] * 11)  # lost from 56.5 s on
+    assert scaled[:, 14:28] == pytest.approx(np.full((2, 14), 0.2 / math.radians(1.0)))
+    far = of_log.scaled(t, logged | {"phi": 9.0 + 0.0 * t}, flown)
+    assert (far[:, 14:28] == 30.0).all()
+    assert of_log.rms(found["n_z"]) == pytest.approx(0.1)
+    assert math.isnan(of_log.rms(np.full(3, np.nan)))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "at_end"),
+    [
+        ("mass", 0.35, True),  # within a fiftieth of 0.3 to 3
+        ("mass", 0.36, False),
+        ("mass", 2.94, False),
+        ("mass", 2.95, True),
+        ("phi_late", -0.93, False),
+        ("phi_late", -0.95, True),
+        ("wind_east", 49.0, True),
+    ],
+)
+def test_a_factor_is_at_an_end_within_a_fiftieth_of_its_range(name, value, at_end):
+    assert of_log.FACTORS[name].at_end(value) == at_end
+
+
+def flights_of(log):
+    return of_log._Flights(log, load_aircraft("aerosonde").folder / "identified.json", None)
+
+
+def test_an_identified_model_has_neither_mass_nor_damping_and_a_log_says_what_it_lacks():
+    whole = flights_of(made_up_log(without=("theta",)))
+    # a course that changes by less than 60 deg shows no wind
+    straight = flights_of(made_up_log(chi=0.001 * np.arange(1201.0)))
+    bare = flights_of(made_up_log(without=("V_a", "h", "theta", "n_z_cmd")))
+
+    lags, wind = ["phi_late", "n_z_late"], ["wind_north", "wind_east"]
+    assert [*whole.nominal] == lags + wind
+    assert [*straight.nominal] == [*bare.nominal] == lags
+    assert [*whole.lower] == ["kinematic", "point_mass"]
+    no_airframe = (
+        "Not fitted: mass over the model's and damping over the model's, because identified has no "
+        "airframe to change."
+    )
+    assert no_airframe in whole.notes
+    said = "Not fitted: air moving north and air moving east, because the {}."
+    assert said.format("course changes by less than 60 deg") in straight.notes
+    assert bare.notes[-3].startswith("The log has no load-factor commands: its load factor is")
+    assert bare.notes[-2] == "The log has no height: the air is that at 1000 m."
+    assert bare.notes[-1] == said.format("log has no airspeed")
+    assert len(whole.notes) == len(bare.notes) - 3 == len(straight.notes) - 1
+
+
+def test_a_stretch_starts_as_the_log_with_the_climb_of_its_air():
+    """The climb over ground at 21 m/s is that through the air at 22 m/s."""
+    start = flights_of(made_up_log())._start(1)
+
+    assert (start.V_a, start.h) == (pytest.approx(22.0), pytest.approx(325.5, abs=0.1))
+    assert start.chi == pytest.approx(1.705)
+    assert start.phi == pytest.approx(0.2 * math.sin(17.05))
+    assert math.sin(start.gamma) == pytest.approx(21.0 / 22.0 * math.tan(0.02))
+
+
+def test_slopes_of_a_fit_are_those_of_the_difference():
+    """Of a delay of the roll and of a wind: central differences of a tenth of their sizes."""
+    flights = flights_of(made_up_log())
+    flights.t = flights.t[:1, :280]  # 0.6 s of one stretch after the wait
+    flights.logged = {name: values[:1, :280] for name, values in flights.logged.items()}
+    at = {"phi_late": 0.1, "n_z_late": 0.0, "wind_north": 2.0, "wind_east": -3.0}
+
+    slopes = flights.slopes(at)
+
+    def moved(name, by):
+        size = of_log.FACTORS[name].size
+        return flights.difference(flights.fly(at | {name: at[name] + by * size})).ravel()
+
+    base = flights.difference(flights.fly(at)).ravel()
+    for k, name in enumerate(at):
+        assert slopes[:, k] == pytest.approx((moved(name, 0.2) - base) / 0.2, abs=1e-9)
+    # near a place whose slopes are known those are taken
+    again = flights.slopes(at | {"phi_late": 0.19})
+    assert again[:, 0] == pytest.approx(slopes[:, 0], abs=1e-9)
+    assert np.abs(flights.slopes(at | {"phi_late": 0.21})[:, 0] - slopes[:, 0]).max() > 1e-6
+    assert flights.size(flights.fly(at)) == pytest.approx(float(np.sum(base**2)))
+    # beyond the upper end a factor is moved down
+    high = at | {"wind_north": 49.5}
+    down = flights.difference(flights.fly(high | {"wind_north": 48.5})).ravel()
+    there = flights.difference(flights.fly(high)).ravel()
+    assert flights.slopes(high)[:, 2] == pytest.approx((down - there) / -0.2, abs=1e-9)
