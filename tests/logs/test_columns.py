@@ -633,15 +633,15 @@ def test_signals_of_a_log_begin_at_its_first_place_and_have_their_errors():
     t = 0.1 * np.arange(50)
     raw = {"phi": 0.0 * t, "east": 0.0 * t + 7.0, "h": 300.0 + t, "chi_ref": 0.0 * t - 3.0}
     raw["north"] = np.where(t < 0.15, np.nan, 100.0 + 20.0 * t)
-    raw |= {"v_north": -20.0 + 0.0 * t, "v_east": 1e-9 + 0.0 * t}
+    raw |= {"v_north": -20.0 + 0.0 * t, "v_east": 20.0 + 0.0 * t}
 
     values, notes, wrong = checks.checked(raw, t, {"theta": "theta is in degrees"})
 
     assert values["north"][2:] == pytest.approx(20.0 * (t[2:] - 0.2))
     assert values["east"] == pytest.approx(0.0 * t)
     assert values["down"] == pytest.approx(-t)
-    # from a course of pi to one of -3 rad
-    assert values["chi_err"] == pytest.approx(np.full(50, math.pi - 3.0), abs=1e-6)
+    # from a course of 135 deg to one of -3 rad
+    assert values["chi_err"] == pytest.approx(np.full(50, 1.25 * math.pi - 3.0))
     assert notes[-1] == "No column can be checked: the log lasts less than 10 s."
     assert wrong == ["theta is in degrees"]
 
@@ -752,3 +752,173 @@ def test_a_relation_that_does_not_hold_has_the_changes_that_may_mend_it():
         "a shift by +2.0 s of phi would do",
     }
     assert {words for _, words in cures(["phi"], ratio=5.0, lag=0.0)} == {""}
+
+
+@pytest.mark.parametrize(
+    ("given", "sources"),
+    [
+        ("V_g chi v_down", {"v_north": "V_g chi", "chi": "V_g chi", "gamma": "V_g chi v_down"}),
+        (
+            "v_north v_east",
+            {"V_g": "v_north v_east", "gamma": "v_north v_east", "north": "v_north"},
+        ),
+        ("v_north v_east h", {"gamma": "v_north v_east h", "down": "h", "v_down": "h", "h": "h"}),
+        ("lat lon", {"north": "lat lon", "v_east": "lat lon", "down": "", "chi": "lat lon"}),
+        ("north east", {"v_north": "north", "north": "north", "V_g": "north east"}),
+        ("f_z wind_speed wind_from", {"n_z": "f_z", "wind_east": "wind_speed wind_from"}),
+        ("V_g", {"v_north": "", "V_g": "", "phi": "phi"}),
+    ],
+)
+def test_a_signal_is_made_from_the_columns_that_a_log_has(given, sources):
+    motion = Motion({name: np.ones(30) for name in ("phi", *given.split())}, 0.1)
+
+    for name, expected in sources.items():
+        assert motion.sources(name) == {*expected.split()}, name
+    assert ("v_north" in motion) == (given != "V_g" and not given.startswith("f_z"))
+
+
+def test_signals_are_completed_by_their_definitions():
+    t = 0.1 * np.arange(60)
+    given = {"lat": 0.8 + 1e-6 * t, "lon": 0.1 + 2e-6 * t, "h": 5.0 * t, "phi": 0.3 + 0.0 * t}
+    given |= {"wind_speed": 4.0 + 0.0 * t, "wind_from": 0.5 + 0.0 * t, "f_z": -12.0 + 0.0 * t}
+
+    values, notes = relations.completed(given, 0.1)
+
+    # radii of the meridian and of the parallel on the ellipsoid WGS 84
+    a, e2, sine = 6_378_137.0, 6.69437999014e-3, math.sin(0.8) ** 2
+    meridian = a * (1.0 - e2) / (1.0 - e2 * sine) ** 1.5
+    parallel = a / math.sqrt(1.0 - e2 * sine) * math.cos(0.8)
+    assert values["north"] == pytest.approx(meridian * 1e-6 * t, rel=1e-6)
+    assert values["east"] == pytest.approx(parallel * 2e-6 * t, rel=1e-6)
+    assert values["v_east"] == pytest.approx(np.full(60, parallel * 2e-6), rel=1e-6)
+    assert values["v_down"] == pytest.approx(np.full(60, -5.0))
+    V_g = math.hypot(meridian, 2.0 * parallel) * 1e-6
+    assert values["V_g"] == pytest.approx(np.full(60, V_g), rel=1e-6)
+    chi = math.atan2(2.0 * parallel, meridian)
+    assert values["chi"] == pytest.approx(np.full(60, chi), rel=1e-6)
+    assert values["gamma"] == pytest.approx(np.full(60, math.atan2(5.0, V_g)), rel=1e-6)
+    wind = values["wind_north"][0], values["wind_east"][0], values["wind_down"][0]
+    assert wind == pytest.approx((-4.0 * math.cos(0.5), -4.0 * math.sin(0.5), 0.0))
+    assert values["n_z"] == pytest.approx(np.full(60, 12.0 / 9.80665))
+    assert notes == [f"v_{x} is the slope of {x}" for x in ("north", "east", "down")]
+
+
+def test_places_are_integrals_of_velocities_and_a_sensor_turned_over_is_turned_back():
+    t = 0.1 * np.arange(60)
+    given = {"phi": 0.0 * t, "V_g": 9.0 + 0.0 * t, "chi": 0.5 + 0.0 * t, "f_z": 9.80665 + 0.0 * t}
+
+    values, notes = relations.completed(given, 0.1)
+
+    assert values["east"][-1] == pytest.approx(60 * 0.1 * 9.0 * math.sin(0.5))
+    assert values["n_z"] == pytest.approx(np.ones(60))
+    assert notes[:2] == [f"{x} is the integral of v_{x}" for x in ("north", "east")]
+    assert notes[2].startswith("the load factor is of a sensor after its sign was turned")
+
+
+def test_far_from_the_poles_alone_places_are_on_a_plane():
+    for lat, lon, known in ((88.0, 0.0, True), (89.5, 0.0, False), (10.0, 361.0, False)):
+        north, _ = relations.plane(np.radians([lat, lat]), np.radians([lon, lon]))
+        assert np.isfinite(north).all() == known
+
+
+def climbing_turn(**more):
+    """A helix at 20 m/s that climbs by 0.2 rad and turns right by 0.3 rad/s, at 10 Hz."""
+    chi = 0.3 * 0.1 * np.arange(80)
+    level = 20.0 * math.cos(0.2)
+    over = {"v_north": level * np.cos(chi), "v_east": level * np.sin(chi)}
+    down = {"v_down": 0.0 * chi - 20.0 * math.sin(0.2)}
+    return over | down | {"phi": 0.0 * chi} | {name: x(chi) for name, x in more.items()}
+
+
+# Of slopes over 0.2 s: sin(0.03) is 0.03 less 0.015 %.
+SLOPE = 2e-4
+
+
+@pytest.mark.parametrize("nose", [None, (0.1, 0.05)])
+def test_forces_of_a_turn_are_across_the_path_or_across_the_nose(nose):
+    turn = climbing_turn()
+    if nose is not None:  # beside the path and above the horizon
+        turn = climbing_turn(psi=lambda chi: chi + nose[0], theta=lambda chi: nose[1] + 0.0 * chi)
+    motion = Motion(turn, 0.1)
+
+    right, up = (side[1:-1] for side in motion.across)
+
+    inwards, G_0 = 20.0 * math.cos(0.2) * 0.3, 9.80665
+    beside, climb = nose or (0.0, 0.2)
+    along = inwards * math.sin(beside)
+    assert right == pytest.approx(inwards * math.cos(beside), rel=SLOPE)
+    expected = G_0 * math.cos(climb) - along * math.sin(climb)
+    assert up == pytest.approx(expected, rel=SLOPE)
+    assert np.exp(1j * motion.heading) == pytest.approx(
+        np.exp(1j * (0.03 * np.arange(80) + beside))
+    )
+    assert motion.turning("chi")[1:-1] == pytest.approx(0.3)
+    assert np.isnan(motion.turning("chi")[[0, -1]]).all()
+
+
+def test_a_path_without_a_climb_is_level_and_forces_on_a_steep_one_are_unknown():
+    level = climbing_turn()
+    del level["v_down"]
+    steep = climbing_turn() | {"v_down": np.full(80, -60.0)}
+
+    assert (Motion(level, 0.1).velocity[:, 2] == 0.0).all()
+    _, up = Motion(level, 0.1).across
+    assert up[1:-1] == pytest.approx(9.80665)
+    assert np.isnan(np.array(Motion(steep, 0.1).across)).all()  # cos(72 deg) is below 0.35
+
+
+@pytest.mark.parametrize("names", ["phi theta psi", "phi theta", "phi psi", "phi"])
+def test_axes_of_the_body_are_those_of_its_angles_or_of_its_path(names):
+    angles = {"phi": 0.4, "theta": 0.25, "psi": -1.1}
+    given = climbing_turn() | {name: np.full(80, angles[name]) for name in names.split()}
+
+    axes = Motion(given, 0.1).axes
+
+    pitch = given.get("theta", np.full(80, 0.2))
+    yaw = given.get("psi", np.arctan2(given["v_east"], given["v_north"]))
+    assert axes == pytest.approx(axes_of(given["phi"], pitch, yaw), abs=1e-12)
+    alone = Motion({"phi": given["phi"]}, 0.1).axes
+    assert alone == pytest.approx(axes_of(given["phi"], 0.0 * yaw, 0.0 * yaw), abs=1e-12)
+
+
+def test_a_vehicle_flies_above_5_mps_and_half_of_its_usual_speed():
+    V_a = np.array([4.0, 6.0, 9.0, 10.1, 20.0, 20.0, 21.0, np.nan])
+    slow = np.array([4.9, 5.1, 5.0, 6.0, 7.0, 8.0, 5.2, 5.3])
+
+    def flying(**speeds):
+        found = Motion({"phi": np.zeros(8)} | speeds, 0.1).flying
+        assert set(found[np.isfinite(found)]) <= {1.0}
+        return np.isfinite(found).tolist()
+
+    # the median above 5 m/s is (10.1 + 20) / 2 = 15.05
+    assert flying(V_a=V_a) == [False, False, True, True, True, True, True, False]
+    assert flying(V_a=slow) == [False, True, False, True, True, True, True, True]
+    assert flying(V_a=V_a, V_g=slow) == flying(V_a=V_a)
+    assert flying(V_g=V_a) == flying(V_a=V_a)
+    assert flying() == [False] * 8
+
+
+@pytest.mark.parametrize(("dt", "span"), [(0.1, 11), (0.2, 5), (0.02, 51), (3.0, 3)])
+def test_means_are_over_a_second_and_slopes_between_those_of_others(dt, span):
+    n = 4 * span + 9
+    t = dt * np.arange(n)
+    motion = Motion({"phi": 0.0 * t}, dt)
+
+    assert motion.span == span
+    means = motion.smooth(t**2)
+    pad = span // 2
+    # of a parabola the mean is its middle and dt^2 (span^2 - 1) / 12
+    assert means[pad:-pad] == pytest.approx(t[pad:-pad] ** 2 + dt**2 * (span**2 - 1) / 12.0)
+    assert np.isnan(means[:pad]).all()
+    assert np.isnan(means[-pad:]).all()
+    gap = np.where(np.arange(n) == n // 2, np.nan, t)
+    assert np.count_nonzero(np.isnan(motion.smooth(gap))) == 2 * pad + span
+    slopes = motion.slow_rate(t**2)
+    there = np.isfinite(slopes)
+    assert np.flatnonzero(there)[0] == pad + span + 1  # means that share no sample
+    assert slopes[there] == pytest.approx(2.0 * t[there])
+    assert np.isnan(motion.smooth(t[:span])).all()
+    assert motion.rate(t**2)[1:-1] == pytest.approx(2.0 * t[1:-1])
+    assert (relations.median(gap), math.isnan(relations.median(gap[:0]))) == (
+        pytest.approx(np.nanmedian(gap)), True,
+    )  # fmt: skip
