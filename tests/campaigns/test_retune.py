@@ -235,6 +235,85 @@ def test_every_place_of_a_search_is_within_the_published_range(period):
         assert searched.at(searched.place(values[40])) == pytest.approx(values[40], rel=5e-3)
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "place", "value"),
+    [
+        # equal ratios from a positive end, squares from zero, three digits
+        (2.0, 8.0, 0.5, 4.0),
+        (2.0, 8.0, 1.0, 8.0),
+        (0.0, 9.0, 0.5, 2.25),
+        (1.0, 10.0, 1.0 / 3.0, 2.15),
+    ],
+)
+def test_places_are_of_equal_ratios_or_of_squares_from_zero(low, high, place, value):
+    searched = Range("NPFG_PERIOD", low, high)
+
+    assert searched.at(place) == value
+    assert searched.place(value) == pytest.approx(place, abs=1e-3)
+    assert (searched.place(low - 1.0), searched.place(high + 1.0)) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("margins", "held"),
+    [
+        # 4 or 1 / 0.2 times the gain: the nearer is 4
+        ({"gain_increase": 4.0, "gain_decrease": 0.2}, 20.0 * math.log10(4.0)),
+        ({"gain_increase": 4.0, "gain_decrease": 0.5}, 20.0 * math.log10(2.0)),
+        ({"gain_increase": 1.5, "gain_decrease": 0.0}, 20.0 * math.log10(1.5)),
+    ],
+)
+def test_margins_are_held_against_6_db_and_35_deg(margins, held):
+    roll, lift = replace(SAFE, **margins), replace(SAFE, phase_margin=math.radians(70.0))
+    candidate = Candidate(law=law_of(9.0), margins=(roll, lift), way_back=0.25)
+
+    used = candidate.held
+
+    assert used[Constraint("gain margin", "roll")] == pytest.approx(6.0 / held)
+    assert used[Constraint("phase margin", "lift")] == pytest.approx(0.5)
+    assert used[Constraint("roll", "the way back to the track")] == 0.25
+    assert candidate.allowed is (held >= 6.0)
+    assert not replace(candidate, way_back=1.01).allowed
+    assert replace(candidate, margins=(SAFE, SAFE), way_back=1.0).allowed
+
+
+def test_bounds_rank_before_lost_aircraft_these_before_requirements_and_rates():
+    fast = flight(2.0, 3.0, 1.0, 4.0, rates=(0.25, 0.5))
+    search = made_up({10.0: GOOD, 9.0: GOOD, 8.0: fast})
+    same, faster = search.candidates[1:]
+    broken = replace(same, margins=(WEAK, SAFE))
+    unstable = replace(same, margins=())
+
+    values = [search.value(x) for x in (
+        search.start, faster, replace(same, missed=1), replace(same, lost=1, cost=math.inf),
+        broken, unstable,
+    )]  # fmt: skip
+
+    assert values == sorted(set(values))
+    assert values[0] == pytest.approx(1.0)
+    # 2.5 times as fast where 2 is allowed: a quarter beyond, and worse than the start by 1
+    assert values[1] == pytest.approx(10.0 * 0.25 + 1.0 + 1.0)
+    assert values[2] == pytest.approx(1e3 + 1.0)
+    assert values[3] == pytest.approx(1e6)
+    gain = 6.0 / (20.0 * math.log10(1.9))
+    assert values[4] == pytest.approx(1e9 * gain)
+    assert search.used(faster)[Constraint("rate", "the commanded roll")] == pytest.approx(1.25)
+
+
+def test_a_result_at_the_end_of_a_range_or_near_a_bound_is_held_by_it():
+    """Ends of the range are a hundredth of it, bounds a twentieth."""
+    errors = {10.0: GOOD, 7.0: growing(1.0, 1.0)}
+    final = made_up(errors)
+    ends = [Range("NPFG_PERIOD", low, high) for low, high in ((7.0, 20.0), (2.0, 7.0), (2.0, 20.0))]
+
+    held = [[str(x) for x in retune._held_by(final, final, [end])] for end in ends]
+
+    assert held == [["the range of NPFG_PERIOD"]] * 2 + [[]]
+    near = made_up({10.0: GOOD, 7.0: flight(2.0, 1.0, 1.0, 4.0, rates=(0.192, 0.5))})
+    assert [str(x) for x in retune._held_by(near, near, [])] == ["the rate of the commanded roll"]
+    far = made_up({10.0: GOOD, 7.0: flight(2.0, 1.0, 1.0, 4.0, rates=(0.188, 0.5))})
+    assert retune._held_by(far, far, []) == []
+
+
 def test_what_a_file_does_not_state_is_not_searched(file):
     ranges, notes = retune.ranges_of(flown_now(file), file.name)
     assert [x.name for x in ranges] == [

@@ -1,6 +1,7 @@
 """What counts of all kinds have in common: whose flights they are of, and what they spend."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from made_up_band import (
 )
 
 import flighttune as ft
+from flighttune.claims import counting, unfinished
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.monitor import Monitor, WatchedSignals
 from flighttune.gaps.watch import SignalModel
@@ -151,3 +153,55 @@ def test_a_counted_monitor_watches_by_its_middle_and_its_scaled_limits():
     assert watch.half == pytest.approx(0.8 * half, rel=1e-5)
     assert watch.models == WATCHED
     assert (monitor.outside, monitor.not_completed) == (5, 1)
+
+
+@pytest.mark.parametrize(
+    ("allowed", "draws"), [(-1, [11, 13, 15]), (0, [11, 13, 15]), (1, [11, 12, 13, 15])]
+)
+def test_a_count_is_decided_by_the_flights_nearest_to_leaving_and_the_next_two(allowed, draws):
+    near = np.array([0.1, 0.9, 0.5, 0.7, 0.3, 0.8])
+    count = SimpleNamespace(allowed=allowed, nearness=[near], draws=np.arange(10, 16))
+
+    assert counting.deciding(count) == draws
+    # of a fence too: the farthest inside of one claim may decide another
+    both = SimpleNamespace(**{**vars(count), "nearness": [near, -near]})
+    assert counting.deciding(both) == sorted({*draws, *{-1: [10, 12, 14], 0: [10, 12, 14],
+                                                        1: [10, 12, 13, 14]}[allowed]})  # fmt: skip
+
+
+def test_a_count_is_written_after_250_flights_and_each_eighth_more():
+    """250 + 32 = 282, + 36 = 318, + 40 = 358: eighths rounded up."""
+    assert unfinished.written_at(250) == unfinished.written_at(100) == []
+    assert unfinished.written_at(283) == [250, 282]
+    assert unfinished.written_at(358) == [250, 282, 318]
+
+
+def test_bounds_hold_from_the_edge_of_their_window_on_and_the_last_to_the_end():
+    measured = RecordedSignals(units={"chi_err": "rad"})
+    half, middle = np.array([[1.0], [2.0], [3.0], [0.5]]), np.array([[0.0], [1.0], [0.0], [5.0]])
+    flights = band_flights(np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
+    count = count_of(
+        ft.Band, plan_of_paper(made_up_scenario()), measured, half, scores_of(1.0), middle,
+        replace(flights, measured=measured),
+    )  # fmt: skip
+
+    bounds = count.bounds(np.array([-1.0, 0.0, 0.999, 1.0, 2.5, 4.0, 9.0]))
+
+    assert bounds.high[:, 0] == pytest.approx([1.0, 1.0, 1.0, 3.0, 3.0, 5.5, 5.5], rel=1e-6)
+    assert bounds.low[:, 0] == pytest.approx([-1.0, -1.0, -1.0, -1.0, -3.0, 4.5, 4.5], rel=1e-6)
+    # the last quarter of 4 s begins at 3 s
+    (row,) = count.sizes()
+    sizes = {"largest": 3.0, "last_quarter": 0.5, "end": 0.5, "low": -3.0, "high": 5.5}
+    assert row == pytest.approx(sizes, rel=1e-6)
+    with pytest.raises(ft.InputError, match="`wind` must be there for a band that is given it"):
+        count.bounds(np.zeros(1), np.zeros(2))
+
+
+def test_another_claim_of_a_count_stands_beside_that_which_was_planned(counted):
+    other = counted.claiming(0.1, 0.98)
+    back = other.claiming(0.05, CONFIDENCE)
+
+    assert (other.about.epsilon, other.about.confidence) == (0.1, 0.98)
+    assert other.about.planned == (0.05, CONFIDENCE)
+    assert other.claiming(0.2, 0.97).about.planned == (0.05, CONFIDENCE)
+    assert (back.about.epsilon, back.about.planned) == (0.05, None)

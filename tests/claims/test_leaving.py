@@ -1,6 +1,7 @@
 """When made-up flights leave a box, are ended, and come down: times and distances by hand."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -294,3 +295,61 @@ def test_only_a_cut_a_time_after_the_fault_is_known_before_the_flight(how, after
     )
 
     assert flights._known_before is known
+
+
+class Pool:
+    """Flights whose ends are made up by run and draw; some get lost a few times."""
+
+    def __init__(self, ends, lost=()):
+        self.ends, self.lost, self.calls = ends, [*lost], []
+        self.progress = SimpleNamespace(budget=10)
+
+    def rows(self, plan, runs, *, doing, probes, draws):
+        self.calls.append((doing, [*runs], draws))
+        for run in runs:
+            if run in self.lost:
+                self.lost.remove(run)
+                yield {"run": run}
+            else:
+                yield {"run": run, "left": self.ends(run, draws)}
+
+
+def plan_of(**more):
+    """Draws of which the fault of run n begins at n s."""
+    plan = SimpleNamespace(keys=(hourly_flights.OF_AIRFRAME,), runs=0, **more)
+    plan.values_of = lambda run: {hourly_flights.OF_AIRFRAME: float(run)}
+    plan.with_runs = lambda runs: setattr(plan, "runs", runs) or plan
+    return plan
+
+
+def test_a_cut_is_flown_once_with_its_time_after_the_fault():
+    pool = Pool(lambda run, draws: [NEVER, 9.0, draws[run][hourly_flights.ENDED_S], NEVER], [3])
+    flights = hourly_flights.TermFlights(plan=plan_of(), leaving=probe(how="cut", after_s=2.0))
+
+    flown = flights.flown(pool, [1, 3], "counting")
+
+    # the flight that got lost is flown once more
+    assert [x.ended_s for x in flown] == [3.0, 5.0]
+    assert [runs for _, runs, _ in pool.calls] == [[1, 3], [3]]
+    assert pool.progress.budget == 10
+
+
+def test_flights_that_are_inside_at_their_ending_fly_again_to_their_end():
+    def ends(run, draws):
+        if draws is None:  # run 2 leaves before it would be ended
+            return [1.5 if run == 2 else NEVER, 9.0, run + 2.0, 100.0 * run]
+        return [NEVER, 50.0, run + 2.0, draws[run][hourly_flights.ENDED_AT_M]]
+
+    pool = Pool(ends, [4, 4])
+    flights = hourly_flights.TermFlights(plan=plan_of(), leaving=probe(how="circle", after_s=2.0))
+
+    flown = flights.flown(pool, [1, 2, 3, 4], "counting")
+
+    assert [(x.left_s, x.end_s, x.at_m) for x in flown] == [
+        (NEVER, 50.0, 100.0), (1.5, 9.0, 200.0), (NEVER, 50.0, 300.0), (0.0, 0.0, NEVER)
+    ]  # fmt: skip
+    assert [(doing, runs) for doing, runs, _ in pool.calls] == [
+        ("counting", [1, 2, 3, 4]), ("counting", [4]), ("counting: their ends", [1, 3]),
+        ("counting: their ends", []),
+    ]  # fmt: skip
+    assert pool.progress.budget == 12
