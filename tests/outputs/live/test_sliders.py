@@ -121,3 +121,23 @@ def test_gains_of_the_channels_come_first_then_those_across_then_the_scenario(na
     assert groups[:2] == ["Gains", "Gains across channels"]
     ours = [slider.group for slider in page_of(name)[1]]
     assert ours == sorted(ours, key=groups.index)
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high"), [(0.5, 0.0, 1.5), (-0.5, -1.5, 1.5), (0.0, 0.0, 6.0)]
+)
+def test_a_gain_of_a_channel_goes_from_zero_to_three_times_its_value(value, low, high):
+    """A gain of zero goes as far as the largest one; gains across channels go to both sides."""
+    gains = ft.PIGains(K_P=[[value, 0.25], [0.0, 2.0]], K_I=[[1.0, 0.0], [0.0, 1.0]])
+
+    every = {x.key: x for x in sliders.gain_sliders(gains)}
+
+    first = every["gains[0].K_P[0][0]"]
+    assert (first.low, first.high, first.value) == (low, high, value)
+    assert (first.group, first.together) == ("Gains", "K_P")
+    across = every["gains[0].K_P[0][1]"]
+    assert (across.low, across.high) == (-0.75, 0.75)
+    assert (across.group, across.together) == ("Gains across channels", "")
+    assert every["gains[0].K_P[1][0]"].high == 6.0
+    # the gains of the channels come before those across them
+    assert [x.group for x in every.values()] == ["Gains"] * 4 + ["Gains across channels"] * 4

@@ -1,9 +1,12 @@
 """Attitude, cameras and the mesh against what they must do in space."""
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import pytest
 from figures.aircraft_glb import MODEL, aircraft_mesh, write_glb
+from made_up import made_up_run
 from scipy.spatial.transform import Rotation
 
 from flighttune.outputs.recording import scene
@@ -84,3 +87,81 @@ def test_the_model_in_the_package_is_what_its_script_makes(tmp_path):
 
     assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(scene.MODEL_SPAN, abs=ROUNDING)
     assert (tmp_path / "aircraft.glb").read_bytes() == MODEL.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("value", "steps", "below"),
+    [
+        (0.0, scene.ROUND, 1.0), (0.09, scene.ROUND, 0.05), (1.0, scene.ROUND, 1.0),
+        (4.99, scene.ROUND, 2.0), (5.0, scene.ROUND, 5.0), (99.0, scene.ROUND, 50.0),
+        (6.9, scene.FINELY_ROUND, 5.0), (7.0, scene.FINELY_ROUND, 7.0),
+        (190.0, scene.FINELY_ROUND, 150.0),
+    ],
+)  # fmt: skip
+def test_a_round_number_is_the_largest_that_is_not_above(value, steps, below):
+    assert scene.round_below(value, steps) == pytest.approx(below)
+
+
+@pytest.mark.parametrize(("size", "factor"), [(10.0, 1.0), (100.0, 3.0), (1000.0, 30.0)])
+def test_aircraft_are_drawn_a_tenth_as_wide_as_their_flight(size, factor):
+    """In round numbers: of a span of 2.9 m a tenth of 100 m is 3.4 times as much."""
+    points = np.array([[0.0, 0.0, 0.0], [0.6 * size, 0.0, -0.8 * size]])
+
+    assert scene.enlargement(points, 2.9) == pytest.approx(factor)
+
+
+def test_the_ground_has_lines_around_the_flight_and_lies_below_it():
+    """290 m want a spacing of 48 m at most: 20 m are round."""
+    points = np.array([[3.0, -25.0, -90.0], [293.0, 5.0, -30.0]])
+
+    lines, spacing = scene.ground_grid(points)
+
+    assert spacing == pytest.approx(20.0)
+    ends = np.array(lines)
+    assert (ends[..., 2] == -20.0).all()
+    assert ends[..., 0].min() == 0.0
+    assert ends[..., 0].max() == pytest.approx(300.0)
+    assert (ends[..., 1].min(), ends[..., 1].max()) == pytest.approx((-40.0, 20.0))
+    assert len(lines) == 16 + 4
+    still, spacing = scene.ground_grid(np.zeros((2, 3)))  # room for the axes
+    assert spacing == pytest.approx(0.1)
+    assert np.ptp(np.array(still)[..., 0]) == pytest.approx(0.2)
+
+
+def test_dashes_have_gaps_as_long_as_they_are():
+    path = np.column_stack([np.arange(1200.0), np.zeros(1200), np.zeros(1200)])
+
+    pieces = scene.dashes(path)
+
+    assert len(pieces) == 60
+    drawn = sum(piece[-1, 0] - piece[0, 0] for piece in pieces)
+    gaps = sum(b[0, 0] - a[-1, 0] for a, b in pairwise(pieces))
+    assert drawn == pytest.approx(gaps, rel=0.05)
+    assert (pieces[0][0, 0], pieces[-1][-1, 0]) == (0.0, 1199.0)
+    assert scene.dashes(path[:1]) == []
+
+
+@pytest.mark.parametrize(
+    ("columns", "length"),
+    [({"V_a": 20.0}, 20.0), ({"V_a": 20.0, "V_g": 25.0}, 25.0), ({"V_g": 25.0}, 20.0)],
+)
+def test_arrows_are_along_the_path_in_axes_that_turn_with_it(columns, length):
+    """At 20 m/s, as at the start, an arrow is 0.9 of the width; a wind is drawn 4 times as long."""
+    chi, gamma = 0.7, 0.2
+    still = {"chi": chi, "gamma": gamma, "phi": 0.0, **columns}
+    windy = still | {"wind_north": -3.0, "wind_east": 4.0, "wind_down": 1.0}
+
+    def arrows(signals):
+        run = made_up_run({name: [x, x] for name, x in signals.items()}, [0.0, 0.1])
+        return scene._arrows(run, run.signals, 10.0)
+
+    found = arrows(windy)
+    size = 9.0 * length / 20.0
+    assert found["velocity"][1] == pytest.approx([size * np.cos(gamma), 0.0, -size * np.sin(gamma)])
+    scale = 4.0 * 9.0 / columns.get("V_a", 25.0)
+    ahead, right = [np.cos(chi), np.sin(chi)], [-np.sin(chi), np.cos(chi)]
+    expected = scale * np.array([np.dot([-3.0, 4.0], ahead), np.dot([-3.0, 4.0], right), 1.0])
+    assert found["wind"][0] == pytest.approx(expected)
+    assert {*arrows(still)} == {"velocity"}
+    nothing = arrows(still | {"V_a": 0.0})
+    assert (nothing["velocity"] == 0.0).all()
