@@ -20,8 +20,15 @@ from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 import flighttune as ft
 from flighttune.base.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
-from flighttune.studies.adoption.adopt import aircraft_text, elevator_zero, final_tables
-from flighttune.studies.adoption.survey import Lift, Survey, _largest_drag, survey, wide_tables
+from flighttune.studies.adoption import adopt
+from flighttune.studies.adoption.survey import (
+    Lift,
+    Refusal,
+    Survey,
+    _largest_drag,
+    survey,
+    wide_tables,
+)
 from flighttune.vehicles.aircraft.aircraft import aircraft_from
 from flighttune.vehicles.aircraft.model_xml import in_inches
 from flighttune.vehicles.identification.design import Airframe
@@ -629,26 +636,155 @@ def made_up(*, p_dot=-40.0, elevator=-0.1):
 def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others():
     found, model = made_up()
 
-    goals = final_tables(found, model, 1000.0, 1.0)["design"]
+    goals = adopt.final_tables(found, model, 1000.0, 1.0)["design"]
 
     # e'' - L_p e' + roll_error^2 e = 0: the slow pole is that which 4 rad/s has without damping.
     poles = np.roots([1.0, 40.0, goals["roll_error_rad_s"] ** 2])
     assert goals["roll_rad_s"] == 4.0
     assert max(poles) == pytest.approx(-2.3 * 4.0, rel=1e-6)
-    assert "roll_error_rad_s" not in final_tables(*made_up(p_dot=-20.0), 1000.0, 1.0)["design"]
+    assert (
+        "roll_error_rad_s" not in adopt.final_tables(*made_up(p_dot=-20.0), 1000.0, 1.0)["design"]
+    )
 
 
 def test_load_factors_stay_below_the_lift_and_within_the_envelope():
     """At 1.5 times the stalling speed the wings lift 2.25 times the weight, and 0.56 downwards."""
     found, model = made_up()
 
-    tables = final_tables(found, model, 1000.0, 1.0)
+    tables = adopt.final_tables(found, model, 1000.0, 1.0)
 
     assert tables["limits"]["n_z"] == pytest.approx([-0.85 * 2.25 * 0.25, 0.85 * 2.25])
     low, high = tables["limits"]["n_z"]
     assert tables["envelope"]["n_z"] == pytest.approx([low - 1.0, high + 1.0])
     assert tables["envelope"]["V_a_mps"] == pytest.approx([1.05 * 20.0, 1.8 * 30.0])
     assert tables["envelope"]["alpha_deg"] == pytest.approx([-0.2 / DEG - 1.0, 0.3 / DEG])
+
+
+@pytest.mark.parametrize(
+    ("aileron", "damping", "share", "gentle", "rate_dps", "roll"),
+    [
+        # full aileron finally rolls at 200 x 20 deg / 40, of which 0.4 are more than 30 deg/s
+        (200.0, 40.0, 1.0, 1.0, 30.0, 4.0),
+        (200.0, 40.0, 0.5, 1.0, 30.0, 2.0),
+        (200.0, 40.0, 1.0, 0.4, 12.0, 4.0),
+        # 0.4 x 50 x 20 deg / 40
+        (50.0, 40.0, 1.0, 1.0, 10.0, 4.0),
+        # a start with 0.8 of the aileron: 0.8 x 8 x 20 deg / 30 deg/s - 2
+        (8.0, 2.0, 1.0, 1.0, 30.0, 0.8 * 8.0 * 20.0 / 30.0 - 2.0),
+        # damping is at least 0.1: 0.8 x 0.2 x 20 / 16 deg/s - 0.1
+        (0.2, 0.0, 1.0, 1.0, 16.0, 0.5),
+    ],
+)
+def test_rolls_are_as_fast_as_the_aileron_allows(aileron, damping, share, gentle, rate_dps, roll):
+    found, model = made_up(p_dot=-damping)
+    model.slopes["p_dot"]["aileron"] = aileron
+
+    tables = adopt.final_tables(found, model, 1000.0, share, gentle)
+
+    assert tables["limits"]["phi_rate_dps"] == pytest.approx(rate_dps)
+    assert tables["limits"]["phi_deg"] == [-45.0, 45.0]
+    goals = tables["design"]
+    assert goals["roll_rad_s"] == pytest.approx(roll)
+    assert goals["roll_t90_s"] == pytest.approx(30.0 / rate_dps + 3.0 / roll)
+    # an elevator that lifts at once leaves the largest bandwidth, 8 rad/s
+    assert goals["n_z_rad_s"] == pytest.approx(8.0 * share)
+    assert tables["limits"]["n_z_rate_per_s"] == pytest.approx(0.12 * 8.0 * share)
+    assert goals["n_z_t90_s"] == pytest.approx(0.5 / (0.96 * share) + 5.0 / (8.0 * share))
+
+
+@pytest.mark.parametrize(
+    ("V_a", "speed"), [(31.0, 15.0 / 31.0), (60.0, 0.25), (160.0, 0.1), (29.0, 0.5)]
+)
+def test_the_airspeed_is_held_more_slowly_at_more_speed(V_a, speed):
+    found, model = made_up()
+    goals = adopt.final_tables(found._replace(V_a=V_a), model, 900.0, 1.0)["design"]
+
+    assert goals["speed_rad_s"] == pytest.approx(speed)
+    assert (goals["V_a_mps"], goals["h_m"], goals["V_a_shown_mps"]) == (V_a, 900.0, [V_a])
+
+
+@pytest.mark.parametrize(
+    ("V_a", "more_lift", "n_z"),
+    [
+        # from -1 to 3 whatever the wings lift
+        (45.0, 0.0, (-1.0, 3.0)),
+        # a wing that lifts upwards at its negative stall keeps below level flight
+        (30.0, 0.3, (2.25 * 0.05 / 0.85, 0.85 * 2.25)),
+        (30.0, 0.6, (0.7, 0.85 * 2.25)),
+    ],
+)
+def test_load_factors_are_those_of_aeroplanes(V_a, more_lift, n_z):
+    found, model = made_up()
+    lift = found.lift._replace(lift=found.lift.lift + more_lift)
+
+    limits = adopt.final_tables(found._replace(V_a=V_a, lift=lift), model, 1e3, 1.0)["limits"]
+
+    assert limits["n_z"] == pytest.approx(n_z)
+
+
+def test_an_airspeed_at_which_no_turn_is_possible_is_refused():
+    """1.3^2 times the weight; 1.5 / 0.85 are needed."""
+    found, model = made_up()
+    with pytest.raises(Refusal, match=r"at 26 m/s it lifts 1\.69 .* a turn needs 1\.76"):
+        adopt.final_tables(found._replace(V_a=26.0), model, 1000.0, 1.0)
+
+
+def turn(status="completed", chi=0.3, gamma=0.4, ITAE=(1.0, 2.0), swinging=()):
+    return {
+        "status": status, "reason": "it fell.", "ST_deg": {"chi": chi, "gamma": gamma},
+        "ITAE": dict(zip(("chi", "gamma"), ITAE, strict=True)), "swinging": [*swinging],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fits", "tuned", "paper", "missed"),
+    [
+        ((90.0, 90.0), {}, {"ITAE": (1.1, 2.1)}, []),
+        ((89.9, math.nan), {}, {"ITAE": (1.1, 2.1)},
+         ["a lag explains 89.9 % of roll, less than 90 %", "a lag explains nan % of n_z"]),
+        ((90.0, 90.0), {"status": "diverged", "chi": 9.0}, {}, ["the turn ended early: it fell"]),
+        ((90.0, 90.0), {"chi": 0.5, "gamma": 0.51}, {"ITAE": (1.1, 2.1)},
+         ["the error of the path angle swings by 0.51 deg in the last quarter"]),
+        ((90.0, 90.0), {"swinging": ("phi",)}, {"ITAE": (1.1, 2.1)}, ["phi_cmd "]),
+        ((90.0, 90.0), {}, {"ITAE": (1.1, 2.0)},
+         ["ITAE of gamma is 2, with the paper's scaled gains 2"]),
+        ((90.0, 90.0), {}, {"ITAE": (0.1, 0.2), "status": "diverged"}, []),
+    ],
+)  # fmt: skip
+def test_criteria_that_an_adoption_misses_are_named(fits, tuned, paper, missed):
+    named = dict(zip(("roll", "n_z"), fits, strict=True))
+    said = [*adopt._missed(named, turn(**tuned), turn(**paper))]
+
+    assert len(said) == len(missed)
+    assert all(x.startswith(y) for x, y in zip(said, missed, strict=True))
+
+
+def test_a_glide_loses_the_height_of_a_minute_three_degrees_steeper_than_steady():
+    found, _ = made_up()
+    glider, driven = (
+        found._replace(tables={"engines": {"count": count}}, glide_ratio=10.0) for count in (0, 1)
+    )
+
+    assert adopt._height_lost(glider) == pytest.approx(60.0 * 30.0 * (0.1 + math.tan(3.0 * DEG)))
+    assert adopt._height_lost(driven) == 0.0
+
+
+def test_named_controls_lead_and_others_follow_them_with_their_sign():
+    surfaces = {name: {} for name in ("aileron", "elevator", "rudder")}
+    tables = {"surfaces": surfaces, "engines": {}, "linked": {}}
+    commands = {"aileron": ["fcs/a", "-fcs/b"], "elevator": ["-fcs/e", "fcs/f", "-fcs/g"]}
+
+    adopt._set_controls(tables, "fcs/t", commands, rudder=False)
+
+    assert tables["engines"] == {"command": "fcs/t"}
+    assert tables["surfaces"] == {
+        "aileron": {"command": "fcs/a"}, "elevator": {"command": "fcs/e"}
+    }  # fmt: skip
+    # -e, f and -g: f moves against e, g with it
+    assert tables["linked"] == {"fcs/b": "-fcs/a", "fcs/f": "-fcs/e", "fcs/g": "fcs/e"}
+    kept = {"surfaces": {"rudder": {}}, "engines": {}, "linked": {}}
+    adopt._set_controls(kept, None, {}, rudder=True)
+    assert kept == {"surfaces": {"rudder": {}}, "engines": {}, "linked": {}}
 
 
 @pytest.mark.parametrize("elevator", [0.4, 0.8, -0.1])
@@ -659,7 +795,7 @@ def test_a_load_factor_is_slower_than_the_zero_of_its_elevator(elevator):
     stiffness = -30.0 + 40.0 * 20.0 / elevator
     roots = np.roots([1.0, 5.0, -stiffness])
     expected = max(roots.real) if elevator > 0.0 else math.inf
-    assert elevator_zero(model) == pytest.approx(expected)
+    assert adopt.elevator_zero(model) == pytest.approx(expected)
 
 
 @pytest.mark.slow
@@ -670,7 +806,7 @@ def test_two_fifths_of_the_roll_rate_of_a_weak_aileron_are_commanded(own, survey
     found.tables["surfaces"]["aileron"]["travel_deg"] = [-3.0, 2.0]
     model = Airframe.about(fdm, level(fdm.config, found.V_a, 1000.0))
 
-    limits = final_tables(found, model, 1000.0, 1.0)["limits"]
+    limits = adopt.final_tables(found, model, 1000.0, 1.0)["limits"]
 
     # At the final rate the damping of the roll leaves no acceleration.
     final = limits["phi_rate_dps"] * DEG / 0.4
@@ -735,7 +871,7 @@ def test_a_light_propeller_flies_in_finer_steps(own, surveyed):
 
     assert "inner_loop_rate_hz" not in heavier.tables
     assert found.tables["inner_loop_rate_hz"] == 400.0
-    assert "inner_loop_rate_hz = 400" in aircraft_text(found.tables, found.notes)
+    assert "inner_loop_rate_hz = 400" in adopt.aircraft_text(found.tables, found.notes)
     assert "its inner loop runs at 400 Hz" in found.notes[-1]
     # A steady propeller pushes alike whatever its inertia.
     assert found.spare_thrust == pytest.approx(heavier.spare_thrust, rel=1e-6)
