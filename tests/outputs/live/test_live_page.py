@@ -4,6 +4,7 @@ import gc
 import textwrap
 import time
 from contextlib import contextmanager
+from functools import partial
 
 import psutil
 import pytest
@@ -12,6 +13,7 @@ from logged_turns import logged_turn
 from plans import plan_file, waypoint
 
 import flighttune as ft
+from flighttune.claims import mission
 
 pytestmark = pytest.mark.slow
 
@@ -312,8 +314,12 @@ BOX = [[47.397, 8.496], [47.397, 8.51], [47.407, 8.51], [47.407, 8.496]]
 
 
 @pytest.mark.soak
-def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(browser, tmp_path):
-    route = [waypoint(47.4, 8.5, 60), waypoint(47.404, 8.5, 60), waypoint(47.404, 8.506, 80)]
+def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(
+    browser, tmp_path, monkeypatch
+):
+    few = partial(mission.mission, epsilon=0.3, confidence=0.9)
+    monkeypatch.setattr(mission, "mission", few)
+    route = [waypoint(47.4, 8.5, 60), waypoint(47.402, 8.5, 60), waypoint(47.402, 8.503, 70)]
     fence = {"polygons": [{"inclusion": True, "polygon": BOX}], "circles": []}
     plan = plan_file(tmp_path / "m.plan", *route, geoFence=fence)
     captions = "document.querySelector('#charts').textContent"
@@ -385,7 +391,7 @@ def test_the_page_ends_after_its_last_window_where_that_is_asked(browser):
 @pytest.mark.parametrize(
     ("warm_s", "seconds", "room"),
     [
-        pytest.param(10.0, 15.0, 25e6, marks=pytest.mark.soak),
+        pytest.param(5.0, 8.0, 25e6, marks=pytest.mark.soak),
         pytest.param(15.0, 45.0, 50e6, marks=pytest.mark.counts),
     ],
 )
