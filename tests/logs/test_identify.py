@@ -308,3 +308,153 @@ def test_a_fit_is_the_share_of_the_variance_and_none_where_nothing_varies():
     assert fit_percent(measured, np.ones(4)) == 0.0
     assert fit_percent(measured, np.array([0.5, 1.5, 0.5, 1.5])) == pytest.approx(75.0)
     assert fit_percent(np.ones(4), np.ones(4)) == -math.inf
+
+
+def section_log(seconds, *, dt=0.1, gap=None, command=None):
+    """A log whose roll command changes by 12 deg all the time, and rests at `gap` (s)."""
+    t = dt * np.arange(round(seconds / dt))
+    phi_cmd = 0.1 * np.sign(np.sin(2.0 * t)) if command is None else command(t)
+    phi = np.where((t > gap[0]) & (t < gap[1]), np.nan, 0.0) if gap else 0.0 * t
+    return made_up_run({"phi": phi, "phi_cmd": phi_cmd, "V_a": 20.0 + 0.0 * t}, t)
+
+
+@pytest.mark.parametrize(
+    ("log", "stretches"),
+    [
+        # after 3 s stretches of 5 s, and a last one of half of it or more
+        (section_log(30.0), [(low, low + 5.0) for low in (3.0, 8.0, 13.0, 18.0, 23.0)]),
+        (section_log(20.4), [(3.0, 8.0), (8.0, 13.0), (13.0, 18.0)]),
+        (section_log(20.5), [(3.0, 8.0), (8.0, 13.0), (13.0, 18.0), (18.0, 20.5)]),
+        (section_log(24.0, gap=(7.95, 9.95)), [(3.0, 8.0), (13.0, 18.0), (18.0, 23.0)]),
+        # commands that rest show no lag
+        (
+            section_log(30.0, command=lambda t: 0.08 * np.sin(9.0 * np.minimum(t, 13.0))),
+            [(3.0, 8.0), (8.0, 13.0)],
+        ),
+        (section_log(5.4), []),
+        (section_log(5.5), [(3.0, 5.5)]),
+    ],
+)
+def test_stretches_of_excitation_are_numbered_after_the_start_of_a_section(log, stretches):
+    sections = [*identify._sections(log, 3, "phi", 7)]
+
+    found = [
+        (section.t[section.stretch == k][[0, -1]] + [0.0, section.dt]).tolist()
+        for section in sections
+        for k in np.unique(section.stretch[np.isfinite(section.stretch)])
+    ]
+    assert found == [pytest.approx(ends) for ends in stretches]
+    numbers = np.concatenate([section.stretch for section in sections] or [[]])
+    assert np.unique(numbers[np.isfinite(numbers)]).tolist() == [*range(7, 7 + len(stretches))]
+    assert all(section.run == 3 for section in sections)
+
+
+@pytest.mark.parametrize(
+    ("lag", "options", "says"),
+    [
+        ({}, {}, ""),
+        ({"natural_frequency": 20.0}, {"dt": 0.2}, "every 0.2 s is too coarse for 20 rad/s"),
+        ({}, {"distinct": False}, "first and second order fit alike"),
+        ({}, {"width": math.log(3.0) + 0.01}, "its ends would differ by more than a factor of 3"),
+        ({}, {"width": math.log(3.0) - 0.01}, ""),
+        ({"natural_frequency": 100.0}, {}, "is at an end of its range"),
+        ({"natural_frequency": 0.201}, {}, "is at an end of its range"),
+        ({"delay": 1.0}, {}, "5 rad/s behind 1 s, is at an end of its range"),
+    ],
+)  # fmt: skip
+def test_an_interval_is_given_where_the_samples_show_one(lag, options, says):
+    lag = ft.loop.InnerLag(**({"order": 1, "natural_frequency": 5.0, "delay": 0.1} | lag))
+    options = {"dt": 0.02, "width": 0.1, "distinct": True} | options
+
+    said = identify._why_no_range(
+        lag, options["dt"], options["width"], distinct=options["distinct"]
+    )
+
+    assert (says in said) if says else said == ""
+
+
+def test_limits_are_the_range_of_commands_and_the_fastest_response():
+    """Of 1001 samples five at either end, and of rates ten, are left out."""
+    t = 0.1 * np.arange(1001)
+    command = np.radians(np.linspace(-20.0, 30.0, 1001))
+    slow = made_up_run({"phi": 0.5 * command, "phi_cmd": command}, t)
+    none = made_up_run({"V_a": 0.0 * t}, t)
+
+    (low, high), rate = identify._range([slow, none], "phi", 180.0 / math.pi)
+
+    assert (low, high) == pytest.approx((-20.0 + 0.25, 30.0 - 0.25))
+    assert rate == pytest.approx(0.25)  # 25 deg in 100 s
+    alone = made_up_run({"phi": command}, t)
+    assert identify._range([alone], "phi", 1.0)[0] == pytest.approx(np.radians([-19.75, 29.75]))
+    assert identify._range([none], "phi", 1.0) == ((-45.0, 45.0), 60.0)
+    assert identify._range([none], "n_z", 1.0) == ((0.5, 1.5), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("log", "says"),
+    [
+        (made_up_run({"phi": [0.0]}), "the logs have no roll commands"),
+        (section_log(13.0), "more than 5 deg in 2 stretches of 5 s without a gap, and must in 4"),
+    ],
+)
+def test_a_channel_that_logs_do_not_show_has_its_reason(log, says):
+    assert says in identify._channel([log], "phi")
+
+
+@pytest.fixture
+def rolled():
+    """Rolls to 20 deg and back to -15 deg by commands of a third more, at 21 m/s."""
+    t = 0.1 * np.arange(500)
+    phi = np.where(np.sin(0.5 * t) > 0.0, 20.0, -15.0) / 57.29577951308232
+    columns = {"phi": phi, "phi_cmd": 4.0 / 3.0 * phi, "V_a": 21.0, "h": 123.44, "V_g": 20.0}
+    return made_up_run({name: np.broadcast_to(x, 500) for name, x in columns.items()}, t)
+
+
+def test_a_model_of_a_log_has_what_it_shows_and_what_is_assumed(rolled):
+    lag = ft.loop.InnerLag(order=2, natural_frequency=4.0, damping=0.7, delay=0.1)
+    channel = identify.ChannelOfLogs(
+        lag=lag, fit_percent=99.0, by_log=(), frequency=(3.0, 5.0), delay=(0.0, 0.2), reason="",
+        stretches=7, sections=(),
+    )  # fmt: skip
+
+    model = identify._aircraft([rolled], ("mine",), {"phi": channel}, {"n_z": 5.0})
+
+    (condition,) = model.conditions
+    assert (model.aircraft, condition.V_a, condition.gamma, condition.h) == (
+        "mine",
+        21.0,
+        0.0,
+        123.4,
+    )
+    roll, lift = condition.channels["phi"], condition.channels["n_z"]
+    assert (roll.order, roll.natural_frequency_rad_s, roll.delay_s) == (2, 4.0, 0.1)
+    assert (roll.fit_percent, roll.residual) == (99.0, pytest.approx(0.1))
+    assert (lift.order, lift.natural_frequency_rad_s, lift.fit_percent) == (1, 5.0, 0.0)
+    log = model.log
+    assert (log.logs, log.assumed, log.limits_assumed) == (("mine",), ("n_z",), ("n_z",))
+    assert (log.frequency_95_rad_s, log.delay_95_s) == ({"phi": (3.0, 5.0)}, {"phi": (0.0, 0.2)})
+    assert log.stretches == {"phi": 7}
+    assert log.phi_deg == pytest.approx([-20.0, 80.0 / 3.0])
+    assert (log.n_z, log.n_z_rate_per_s) == ((0.5, 1.5), 2.0)
+    assert (log.residual_rad_s, log.residual_stretches) == (None, 0)
+
+
+def test_without_an_assumption_there_is_no_model_and_the_remedy_is_said(
+    rolled, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(identify, "_channel", lambda _, name: f"no {name}")
+
+    found = ft.identify(rolled)
+
+    assert found.identified is None
+    assert found.title == "paper"
+    assert found.untold["n_z"] == "no n_z; its limits are assumed: 0.5 to 1.5, 2 per s"
+    assert found.missing == (
+        "no phi; assume its bandwidth, --assume phi=RAD_S, or give logs that show it"
+    )
+    assert found.save(tmp_path / "x.json") == {"model": None, "figure": None}
+    assert [*tmp_path.iterdir()] == []
+    with pytest.raises(ft.InputError, match="`assume` must name phi or n_z, got theta"):
+        ft.identify(rolled, assume={"theta": 3.0})
+    with pytest.raises(ft.InputError, match="`V_a` and `gamma` must be absent with a log"):
+        ft.identify(rolled, gamma=[0.0])
