@@ -8,7 +8,8 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.certificates import exact_rate
-from flighttune.control.inner_loop import MAX_SAMPLED, with_inner_loop
+from flighttune.control.inner_loop import MAX_SAMPLED, with_inner_loop, with_input_delay
+from flighttune.control.law import made_law
 from flighttune.vehicles.identification.file import design_model
 
 # Share of the true rate that must be proven.
@@ -155,3 +156,24 @@ def test_states_of_lags_count_by_the_rate_that_their_own_channel_causes():
     assert behind.count(True) == 3
     expected = np.where([*behind, False, False], 25.0 / 9.81, 1.0)
     assert units == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+@pytest.mark.parametrize("trapezoidal", [True, False])
+def test_a_sampled_loop_is_of_the_model_behind_its_lags_with_or_without_the_hold(
+    delay, trapezoidal
+):
+    """Lags with a delay of their own could take the place of the hold of half a sample."""
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=0.1, g=9.81)
+    lags = tuple(ft.loop.InnerLag(order=1, natural_frequency=w, delay=delay) for w in (5.0, 8.0))
+    sampling = exact_rate.Sampling(model=law, lags=lags, dt=0.04, trapezoidal=trapezoidal)
+    own = made_law(ft.PAPER_GAINS.law).trapezoidal
+    alone, held = with_inner_loop(law, lags), with_inner_loop(law, [x.delayed(0.02) for x in lags])
+    behind = with_input_delay(alone, 0.02)
+
+    for model, same in ((alone, not delay), (behind, not delay), (held, True), (law, False)):
+        checks = sampling.checks(model, ft.PAPER_GAINS)
+        assert [check.exact for check in checks] == [same, trapezoidal == own]
+        assert [check.margin for check in checks] == [
+            0.0 if check.exact else -np.inf for check in checks
+        ]

@@ -372,3 +372,87 @@ def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
             assert (np.sqrt(np.einsum("ij,ik,kj->j", end, Q, end)) <= bound).all()
         x = ends[0] / np.linalg.norm(ends[0], axis=0)
     assert SHARE * constant < rate <= constant
+
+
+A_BOX = lag_box.LagBox((0.1, 0.3), (0.05, 0.05), (-0.1, 0.2), (0.4, 0.4), rate=0.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"lag": (0.3, 0.1)}, "a range inside 0.0001:60, its low end first, got 0.3:0.1"),
+        ({"lag": (0.0, 0.1)}, "`lag` must be a range"),
+        ({"lag": (0.1, 60.1)}, "`lag` must be a range"),
+        ({"delay": (-0.1, 0.1)}, "`delay` must be a range inside 0:60"),
+        ({"delay": (0.0, 0.1)}, "`delay` must be above 0 or 0 alone, got 0:0.1"),
+        ({"a": (-61.0, 0.0)}, "`a` must be a range inside -60:60"),
+        ({"b": (0.0, 1.0)}, "`b` must be a range inside 1e-06:1e"),
+        ({"rate": 0.0}, "`rate` must be positive"),
+        ({"norm_rate": 0.1}, "`norm_rate` and `Q` must be given together"),
+        ({"norm_rate": 0.1, "Q": np.eye(3)}, r"`Q` must have shape \(4, 4\)"),
+        ({"norm_rate": 0.1, "Q": np.eye(4), "delay": (0.0, 0.0)}, r"`Q` must have shape \(3, 3\)"),
+    ],
+)  # fmt: skip
+def test_a_box_that_is_none_is_refused_by_its_number(change, says):
+    with pytest.raises(ft.InputError, match=says):
+        replace(A_BOX, **change)
+
+
+def test_a_box_says_its_ranges_and_its_rates():
+    wide = replace(A_BOX, norm_rate=0.25, Q=np.diag([1.0, 4.0, 25.0, 9.0]))
+    fixed = replace(A_BOX, a=(0.0, 0.0), delay=(0.0, 0.0))
+
+    law = ", in e' = a e - b y with a -0.1..0.2 and b 0.4"
+    assert wide.place == f"behind a first-order lag of 0.1..0.3 s and a delay of 0.05 s{law}"
+    assert fixed.place == "behind a first-order lag of 0.1..0.3 s"
+    assert wide.sentence("chi") == (
+        f"chi {wide.place} decays at 0.5 1/s if that is constant, and in a norm at 0.25 1/s, with "
+        "a growth of at most 5, if it changes in these ranges at will"
+    )
+    assert fixed.sentence("chi").endswith("and at no proven rate if it changes")
+    assert (wide.growth, fixed.growth) == (pytest.approx(5.0), None)
+    said = wide.values("chi")
+    assert (said["lag_s"], said["lag"], said["delay"]) == ([0.1, 0.3], "0.1..0.3", "0.05")
+    assert (said["error"], said["rate"], said["norm_rate"]) == ("chi", 0.5, 0.25)
+
+
+@pytest.mark.parametrize(("delay", "k"), [(0.0, 0.0), (0.0, 0.4), (0.1, 0.0), (0.1, 0.4)])
+def test_the_loop_of_a_channel_has_the_roots_of_its_transfer_function(delay, k):
+    """Lag and Pade section of a command ``(1 + k) (K_P e + K_I xi) - k y``; ``e' = a e - b y``."""
+    K_P, K_I, lag, a, b, h = 1.5, 0.8, 0.25, 0.1, 0.4, 0.5 * delay
+    s, late, ahead = (np.polynomial.Polynomial(x) for x in ([0, 1], [1, h], [1, -h]))
+    inner = (lag * s + 1.0) * late + k * ahead
+    whole = s * (s - a) * inner + b * (1.0 + k) * (K_P * s + K_I) * ahead
+
+    loop = lag_box._loop((K_P, K_I, k), (lag, delay, a, b), b).astype(float)
+    roots = np.sort_complex(np.linalg.eigvals(loop))
+
+    assert roots == pytest.approx(np.sort_complex(whole.roots()), rel=1e-9)
+    slowest = -whole.roots().real.max()
+    assert lag_box.true_rate_at((K_P, K_I, k), (lag, delay, a, b)) == pytest.approx(slowest)
+    if delay:
+        for share in (0.99, 1.01):
+            rate = Fraction(share * slowest)
+            point = [Fraction(x) for x in (lag, delay, a, b)]
+            conditions = lag_box._conditions((K_P, K_I, k), rate, point)
+            assert (conditions > 0).all() == (share < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("entries", "holds"),
+    [((0.0, 0.4), True), ((-0.1, 0.4), True), ((0.21, 0.4), False), ((0.0, 0.401), False)],
+)
+def test_boxes_hold_the_law_of_a_model_or_prove_nothing(entries, holds):
+    a, b = entries
+    model = ft.loop.LinearModel(
+        A=[[0.0, 0.0], [0.0, a]], B=[[-0.4, 0.0], [0.0, -b]], C=np.eye(2), states=("chi", "gamma"),
+        inputs=GAINS.inputs,
+    )  # fmt: skip
+
+    first, *others = lag_box.boxes_checks((A_BOX, A_BOX), (model,), GAINS)
+
+    assert (first.exact, first.margin) == (holds, 0.0 if holds else -math.inf)
+    assert bool(others) == holds
+    assert not lag_box.boxes_checks((A_BOX,), (model,), GAINS)[0].exact
+    coupled = replace(GAINS, K_P=GAINS.K_P + 0.1)
+    assert not lag_box.boxes_checks((A_BOX, A_BOX), (model,), coupled)[0].exact
