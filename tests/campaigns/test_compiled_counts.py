@@ -1,6 +1,7 @@
 """Who flew: answers and files count compiled flights, those flown again, and reasons of others."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -148,3 +149,36 @@ def test_processes_fly_as_their_command_says(tmp_path, monkeypatch, by_jsbsim):
 
     assert statuses == ["completed"] * 2
     assert (compiled.flights, compiled.by_jsbsim) == ((0, 2) if by_jsbsim else (2, 0))
+
+
+def test_counts_of_compiled_flights_add_up_and_say_the_commonest_reasons():
+    first = CompiledFlights(flights=5, flown_again=2, by_jsbsim=3, reasons={"a": 1, "b": 2})
+    both = first + CompiledFlights(flights=1, flown_again=1, by_jsbsim=4, reasons={"a": 3, "c": 1})
+
+    assert both == CompiledFlights(
+        flights=6, flown_again=3, by_jsbsim=7, reasons={"a": 4, "b": 2, "c": 1}
+    )
+    (said,) = both.notes
+    assert said.startswith(
+        "Compiled flights: 6, of which JSBSim flew 3 again; JSBSim flew 7 itself: a (4), b (2)"
+    )
+    assert CompiledFlights(flights=2, flown_again=1).notes == [
+        "Compiled flights: 2, of which JSBSim flew 1 again."
+    ]
+    assert CompiledFlights(by_jsbsim=2, reasons={"a": 2}).notes == ["JSBSim flew 2 itself: a (2)."]
+    assert CompiledFlights(by_jsbsim=2).notes == []
+    assert CompiledFlights.stated(both.text) == both
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_flight_is_compiled_and_perhaps_flown_again_or_of_jsbsim_for_a_reason(again):
+    runs = [
+        SimpleNamespace(compiled=x, why_jsbsim=why)
+        for x, why in ((True, ""), (False, "w"), (False, ""))
+    ]
+
+    compiled, refused, plain = (CompiledFlights.of(run, again=again) for run in runs)
+
+    assert compiled == CompiledFlights(flights=1, flown_again=int(again))
+    assert refused == CompiledFlights(by_jsbsim=1, reasons={"w": 1})
+    assert plain == CompiledFlights(by_jsbsim=1)

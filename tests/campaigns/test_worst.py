@@ -230,3 +230,119 @@ def test_a_tube_of_one_flight_has_no_worst():
 
     with pytest.raises(ft.InputError, match="starts or a disturbance"):
         ft.worst(of_one, workers=1)
+
+
+@pytest.mark.parametrize(
+    ("dimension", "radius"), [(1, 3.2905), (2, math.sqrt(2.0 * math.log(1e3)))]
+)
+def test_the_region_has_all_but_a_thousandth_of_a_normal_distribution(dimension, radius):
+    assert worst_module.region_radius(dimension) == pytest.approx(radius, rel=1e-4)
+
+
+def test_draws_are_at_the_shares_of_their_normal_scores():
+    """Uniform from -40 to 40 and -10 to 10 deg; 1 exceeds 84.134 % of a normal distribution."""
+    seen = []
+
+    def rows(plan, runs, draws, **options):
+        seen.extend(draws)
+        return [{"run": run, "status": "completed", "chi.ITAE": 1.0} for run in runs]
+
+    z, seeds = np.array([[0.0, 1.0], [-1.0, 0.0], [99.0, -99.0]]), np.array([5, 6, 2**40])
+    with flown_here(rows) as pool:
+        worst_module.StatedSet(small_plan(), pool, metric="chi.ITAE").values(z, seeds)
+
+    drawn = [[x["flight.chi_deg"], x["flight.gamma_deg"]] for x in seen]
+    assert drawn[:2] == [
+        pytest.approx([0.0, 20.0 * 0.841345 - 10.0], abs=1e-4),
+        pytest.approx([40.0 - 80.0 * 0.841345, 0.0], abs=1e-4),
+    ]
+    assert drawn[2] == pytest.approx([40.0, -10.0], abs=1e-6)
+    assert [x["seed"] for x in seen[:2]] == [5, 6]
+
+
+def test_the_reach_of_flights_in_a_tube_is_that_of_all_and_one_channel_can_be_maximised():
+    tubes = [[0.5, 0.1, 0.9], [0.7, 0.6, 0.2], None]
+
+    def rows(plan, runs, **options):
+        ends = ({} if x is None else {"tube": x} for x in tubes)
+        return [
+            {"run": run, "status": "completed" if x else "diverged", **x}
+            for run, x in enumerate(ends)
+        ]
+
+    plan = small_plan().with_runs(3)
+    with flown_here(rows) as pool:
+        stated = worst_module.StatedSet(
+            plan, pool, metric="tube", probes={"tube": None}, completed=True
+        )
+        both, one = stated._fly(plan, [{}] * 3), stated._fly(plan, [{}] * 3, 1)
+
+    assert both.tolist() == [0.5, 0.7, -worst_module.FAILED]
+    assert one.tolist() == [0.9, 0.2, -worst_module.FAILED]
+    assert stated.reach.tolist() == [0.6, 0.9]
+    assert (stated.worst["run"], stated.worst["value"], stated.flights) == (1, 0.7, 6)
+
+
+BLOCKS = [np.array([0]), np.array([1, 2, 3]), np.array([4, 5, 6])]
+
+
+def test_a_block_takes_its_rarer_sign():
+    signs = np.array([[1.0, -1.0], [1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [1.0, 1.0], [-1.0, 1.0],
+                      [-1.0, 1.0]])  # fmt: skip
+
+    first, second = (worst_module._other(signs, BLOCKS[1], channel) for channel in (0, 1))
+
+    assert first[:, 0].tolist() == [1.0, -1.0, -1.0, -1.0, 1.0, -1.0, -1.0]
+    assert first[:, 1].tolist() == signs[:, 1].tolist()
+    assert second[:, 1].tolist() == [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    # as many of both: down
+    even = worst_module._other(signs, np.array([4, 5]), 0)
+    assert even[4:6, 0].tolist() == [-1.0, -1.0]
+
+
+def test_slopes_of_errors_that_are_linear_in_the_signs_are_their_factors():
+    rng = np.random.default_rng(4)
+    start, later = rng.normal(size=(2, 2, 2))  # of each channel, for each error
+    about = np.ones((7, 2))
+    about[BLOCKS[1]] = -1.0
+
+    def errors(signs):
+        pushed = signs[0] @ start + signs[1:].sum(axis=0) @ later
+        return np.outer(np.arange(1.0, 8.0), pushed)
+
+    others = [worst_module._other(about, block, channel) for block in BLOCKS for channel in (0, 1)]
+    flown = [errors(x) for x in (about, *others)]
+    targets = np.array([2, 6])
+
+    found = worst_module._slopes(about, BLOCKS, flown, targets, (0, 1))
+
+    expected = [
+        (1.0 + t) * np.vstack([start[:, error], np.tile(later[:, error], (6, 1))])
+        for t in targets for error in (0, 1)
+    ]  # fmt: skip
+    assert len(found) == 4
+    for slope, own in zip(found, expected, strict=True):
+        assert slope == pytest.approx(own)
+    (alone, _) = worst_module._slopes(about, BLOCKS, flown, targets, (1,))
+    assert alone == pytest.approx(expected[1])
+    # a flight that ended early has no slope
+    lost = worst_module._slopes(about, BLOCKS, [*flown[:5], None, flown[6]], targets, (0,))
+    assert lost[0][0] == pytest.approx(expected[0][0])
+    assert lost[0][4:, 0] == pytest.approx(np.interp([4, 5, 6], [2, 5], [expected[0][1, 0], 0.0]))
+
+
+def test_signs_are_deviations_of_the_start_and_switches_of_the_disturbance():
+    waves = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
+    pushed = small_plan(disturbance=waves)
+    stated = worst_module.StatedSet(pushed, None, sizes=(0.1, 0.2), start_deg=3.0)
+    signs = np.array([[1.0, -1.0], [1.0, -1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+
+    plan, (drawn,) = stated._switched([signs])
+
+    rate = plan.scenario.controller.rate_hz
+    assert (drawn["flight.chi_deg"], drawn["flight.gamma_deg"]) == (3.0, -3.0)
+    assert (drawn["disturbance.chi_amplitude"], drawn["disturbance.gamma_amplitude"]) == (0.1, -0.2)
+    assert drawn["disturbance.chi_switch_s"] == [2.0 / rate]
+    assert drawn["disturbance.gamma_switch_s"] == [3.0 / rate]
+    assert plan.scenario.disturbance is None
+    assert (plan.runs, [*plan.keys]) == (1, ["flight.chi_deg", "flight.gamma_deg"])
