@@ -5,6 +5,7 @@ import socket
 import struct
 import time
 from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ import pytest
 from log_files import COMMAND, WRITERS, message, sampled, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
-from flighttune.logs import read
+from flighttune.logs import log, read
 from flighttune.logs.streams import phases
 
 FT = 0.3048
@@ -636,3 +637,159 @@ def test_a_reader_may_wait_for_its_turn_but_not_compute_for_ever(tmp_path, monke
     assert reads(lambda _: time.sleep(0.5) or "read") == "read"
     with pytest.raises(ft.RecordingError, match=r"reader did not end within 0.2 s of processor"):
         reads(computes)
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "column"),
+    [
+        ("phi", "ATT.Roll:deg", ("ATT.Roll", np.pi / 180.0)),
+        ("phi", "ATT.Roll:-deg", ("ATT.Roll", -np.pi / 180.0)),
+        ("phi", "roll", ("roll", 1.0)),
+        ("phi", "a:b:rad", ("a:b", 1.0)),
+        ("V_a", "x:kt", ("x", 1852.0 / 3600.0)),
+        ("V_a", "x:km/h", ("x", 1.0 / 3.6)),
+        ("h", "x:ft", ("x", FT)),
+        ("lat", "x:1e-7deg", ("x", 1e-7 * np.pi / 180.0)),
+        ("chi", "x:cdeg", ("x", 0.01 * np.pi / 180.0)),
+        ("f_z", "x:mG", ("x", 9.80665e-3)),
+        ("f_z", "x:-g", ("x", -9.80665)),
+        ("n_z", "x:g", ("x", 1.0)),  # the unit of a load factor is g
+        ("n_z", "x:mG", ("x", 1e-3)),
+        ("n_z", "x:m/s2", ("x", 1.0)),
+        ("t", "x:us", ("x", 1e-6)),
+    ],
+)
+def test_a_column_has_its_unit_and_its_sign(name, source, column):
+    (found,) = log.given_columns({name: source}).values()
+
+    assert found.source == column[0]
+    assert found.factor == pytest.approx(column[1], rel=1e-9)
+    assert log.given_columns(f"{name}={source}") == {name: found}
+
+
+def test_columns_of_several_places_are_joined_and_the_last_one_counts(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('phi = "a:deg"\nchi = "b"\n')
+
+    found = log.given_columns([file, "phi=c"])
+
+    assert {name: column.source for name, column in found.items()} == {"phi": "c", "chi": "b"}
+    file.write_text("phi = 3\n")
+    with pytest.raises(ft.InputError, match=r'mine\.toml: `phi` must be text "COLUMN:UNIT", got 3'):
+        log.given_columns(file)
+    refused = {"roll=x": "`roll` must be a signal", "phi=x:grad": "must be one of .*grad"}
+    for given, says in refused.items():
+        with pytest.raises(ft.InputError, match=f"--column: .*{says}"):
+            log.given_columns(given)
+
+
+def sources(header, **given):
+    """Sources and factors of the signals of a table, in the order in which they are tried."""
+    found = log.columns_of(log.given_columns(given), "f.csv", "csv", header)
+    return {name: [column.source for column in each] for name, each in found.items()}
+
+
+def test_columns_of_a_table_are_named_by_their_signal_and_unit():
+    header = ["time", "phi_deg", "phi", "V_a [kn]", "n_z [-]", "theta (deg)", "other"]
+
+    assert sources(header) == {
+        "t": ["time"], "phi": ["phi_deg", "phi"], "V_a": ["V_a [kn]"], "n_z": ["n_z [-]"],
+        "theta": ["theta (deg)"],
+    }  # fmt: skip
+    given = sources(header, t="other", phi="phi:deg")
+    assert (given["t"], given["phi"]) == (["other"], ["phi"])
+    with pytest.raises(ft.InputError, match=r"the time must be a column `t`.* columns a and b"):
+        sources(["a", "b"])
+    with pytest.raises(ft.InputError, match="column of `phi` must be one of the file's, got 'x'"):
+        sources(header, phi="x")
+
+
+def test_the_clock_of_messages_is_their_own_and_given_columns_replace_the_known():
+    found = log.columns_of(log.given_columns({"t": "x", "phi": "A.b"}), "f.bin", "DataFlash", [])
+
+    assert "t" not in found
+    assert [column.source for column in found["phi"]] == ["A.b"]
+    assert [column.source for column in found["theta"]] == ["ATT.Pitch"]
+
+
+def test_gaps_are_said_from_half_a_thousandth_of_the_time_on():
+    columns = {"phi": np.zeros(10_000), "chi": np.zeros(10_000), "V_a": np.zeros(10_000)}
+    columns["phi"][:5], columns["chi"][:4], columns["V_a"][:2500] = np.nan, np.nan, np.nan
+
+    assert log._gaps(columns) == ["Gaps of 0.1 to 25.0 % of the time in phi and V_a."]
+    assert log._gaps({"V_a": columns["V_a"]}) == ["Gaps of 25.0 % of the time in V_a."]
+    assert log._gaps({"chi": columns["chi"]}) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "asked"),
+    [
+        ("a.csv", {"mode": ""}),
+        ("a.csv@AUTO", {"mode": "AUTO"}),
+        ("a.csv@10:20.5", {"start": 10.0, "end": 20.5}),
+        ("a.csv@:20", {"start": 0.0, "end": 20.0}),
+        ("a.csv@10:", {"start": 10.0, "end": np.inf}),
+        ("a.csv@20:10", None),
+        ("a.csv@10:10", None),
+        ("a.csv@-1:10", None),
+        ("a.csv@one:10", None),
+    ],
+)
+def test_a_part_of_a_log_is_from_a_time_to_another_or_a_mode(monkeypatch, name, asked):
+    monkeypatch.setattr(log, "load_log", lambda place, **options: (place, options))
+    if asked is None:
+        with pytest.raises(ft.InputError, match="the part of a log must be START:END in s"):
+            log.load_part(name, ())
+        return
+    assert log.load_part(name, ()) == ("a.csv", {"columns": (), **asked})
+
+
+@pytest.mark.parametrize(
+    ("values", "others", "angle", "contradict"),
+    [
+        (100.0, 100.9, False, False),  # 1 % of the largest
+        (100.0, 101.1, False, True),
+        (3.1, -3.1, True, True),  # 0.08 of a turn less
+        (3.14, -3.14, True, False),
+        (0.5, 0.5 + 2.0 * np.pi, True, False),
+        (0.5, 0.5 + 2.0 * np.pi, False, True),
+        (np.nan, 1.0, False, False),
+        (1e9, 1.0, False, False),
+    ],
+)
+def test_columns_contradict_each_other_by_more_than_a_hundredth(values, others, angle, contradict):
+    first, second = np.full(9, values), np.full(9, others)
+    first[:4] = second[:4]  # the median counts
+
+    assert read._contradict(first, second, angle=angle) == contradict
+
+
+@pytest.mark.parametrize(
+    ("stamps", "seconds"),
+    [
+        ({"TimeUS": 2_500_000, "TimeMS": 7}, 2.5),
+        ({"TimeMS": 2_500}, 2.5),
+        ({"T": 2_500, "TimeMS": 300}, 2.5),  # TimeMS of a GPS message is of its week
+        ({}, np.nan),
+    ],
+)
+def test_the_clock_of_dataflash_is_in_seconds(stamps, seconds):
+    assert read._dataflash_clock(SimpleNamespace(**stamps)) == pytest.approx(seconds, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("t,φ\n".encode(), "utf-8-sig"),
+        ("t,φ\n".encode("utf-16"), "utf-16"),
+        ("t,°\n".encode("latin-1"), "latin-1"),
+    ],
+)
+def test_a_table_has_the_encoding_of_its_labels(tmp_path, text, encoding):
+    file = tmp_path / "a.csv"
+    file.write_bytes(text)
+
+    assert read._encoding(file) == encoding
+    assert read._by_topic(["A.b", "A.c.d", "e"]) == {
+        "A": {"b": "A.b", "c.d": "A.c.d"}, "e": {"": "e"},
+    }  # fmt: skip
