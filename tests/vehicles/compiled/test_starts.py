@@ -79,7 +79,6 @@ def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
     ("name", "count", "seed"),
     [
         ("aerosonde", 6, 6),
-        pytest.param("c172p", 3, 3, marks=pytest.mark.slow),
         pytest.param("DHC6", 1, 3, marks=pytest.mark.soak),
         pytest.param("c182", 1, 3, marks=pytest.mark.soak),  # whose engine stops, and is started
         pytest.param("DHC6", 3, 3, marks=pytest.mark.counts),
@@ -98,7 +97,7 @@ def test_starts_of_drawn_aircraft_are_those_of_jsbsim(name, count, seed):
         assert differing_at_start(drawn, condition, weather) == [], (off_nominal, condition)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_so_are_those_over_raised_ground_and_with_n_x():
     config = load_aircraft("aerosonde")
     condition = FlightCondition(V_a=25.0, h=900.0, gamma=0.02)
@@ -142,7 +141,7 @@ def test_a_filter_of_the_model_begins_as_in_jsbsim(tmp_path):
     assert differing_at_start(config, FlightCondition(V_a=25.0, h=900.0, gamma=0.02)) == []
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_delays_and_play_of_a_model_start_without_jsbsim_and_a_gust_comes_at_its_time(tmp_path):
     alpha = "<input>aero/alpha-rad</input>"
     parts = (
@@ -185,7 +184,7 @@ def drifting(now, of=run.hold):
     ],
     ids=["wind", "engine", "mass", "motion that is not held", "search"],
 )
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_wrong_start_is_found_and_jsbsim_starts(
     aircraft, place, name, operation, empty_cache, monkeypatch
 ):
