@@ -50,6 +50,7 @@ def test_gains_that_meet_more_rank_first_and_the_metric_decides_among_wide_margi
         trial([-0.2, -0.9], metric=math.inf),
         trial([-0.19, -0.9], metric=0.0),
         trial([0.0, -0.9], metric=0.0),
+        trial([0.05, -0.9]),
         trial([0.1, -0.9]),
         trial([0.1, 0.5]),
         trial([meet.LOST, -0.9], metric=1.0),
@@ -63,7 +64,10 @@ def test_gains_that_meet_more_rank_first_and_the_metric_decides_among_wide_margi
     assert values[1] == pytest.approx(0.375 - 1.5)
     assert values[2] == pytest.approx(0.5 - 1.5)
     assert values[4] == 0.0
-    assert values[6] == pytest.approx(1.0 + 0.25 / 1.5)
+    assert values[5] == pytest.approx(1.0 + 0.025 / 1.05)
+    assert values[7] == pytest.approx(1.0 + 0.25 / 1.5)
+    # without a value the metric ranks: e = 1000 + 500 m / (1 + m)
+    assert values[8] == pytest.approx(1.0 + 625.0 / 1251.0, abs=1e-9)
 
 
 def test_a_margin_is_maximised_further_and_on_draws_no_metric_counts():
@@ -317,3 +321,61 @@ def test_errors_at_the_end_that_grow_are_worse_from_a_hundredth_of_a_degree_on()
 def test_the_start_is_the_nearest_of_the_gains_that_are_flown(own, values, first):
     scenario = SimpleNamespace(listed_as=lambda name: name, gain_names=own)
     assert meet._first(scenario, values, lambda value: value) == first
+
+
+def problem(runs=1000, plants=(LAW, LAG), gains=("paper",), grid=(), **fields):
+    """Requirements on the draws of a campaign."""
+    nominal = made_up_scenario(plant=[*plants], expect=[BOUND], gains=[*gains])
+    design = {"design": "grid"} if grid else {}
+    campaign = campaign_of(nominal, *(grid or SPEEDS), runs=runs, seed=7, **design)
+    usual = {"scenarios": [nominal], "law_table": nominal.law_tables[0], "dispersed": campaign}
+    return meet.Problem(**{**usual, **fields})
+
+
+SPEEDS = (uniform("flight.V_a_mps", 20.0, 30.0),)
+SIX = [
+    {"key": key, "distribution": "grid", "values": values}
+    for key, values in (("flight.V_a_mps", [20.0, 25.0, 30.0]), ("flight.phi_deg", [-5.0, 5.0]))
+]
+
+
+@pytest.mark.parametrize(
+    ("fields", "fresh"),
+    [
+        # of 1000 runs on two plants 500 draws, and at least 200 in whole cycles
+        ({}, 500),
+        ({"plants": [LAW]}, 1000),
+        ({"runs": 396, "gains": ["paper", "K3"]}, 200),
+        ({"runs": 804, "gains": ["paper", "K3"]}, 201),
+        ({"runs": None, "grid": SIX}, 204),
+        ({"dispersed": None}, 0),
+    ],
+)
+def test_gains_are_counted_on_the_draws_of_the_campaign_and_at_least_on_200(fields, fresh):
+    assert problem(**fields).fresh == fresh
+
+
+def test_a_search_flies_draws_at_random_that_are_not_counted():
+    searching = problem(success=0.9).search(None, "ITAE")
+    alone = problem(dispersed=None).search(None, "margin")
+
+    (campaign,) = searching.campaigns
+    assert (campaign.seed, campaign.design) == (8, "random")
+    assert (searching.draws, searching._success, searching.each) == (32, 0.9, 64)
+    assert (alone.draws, alone._success, alone.metric, alone.each) == (1, 1.0, "margin", 2)
+    plan = searching._plan(0, [GAINS, GAINS])
+    assert [x.plant for x in plan.groups] == ["kinematic", "point_mass_lag"] * 2
+    assert len({x.gains for x in plan.groups}) == 2
+    assert plan.runs == 32 * 4
+
+
+@pytest.mark.parametrize(("budget", "enough"), [(129, False), (130, True)])
+def test_a_budget_covers_the_start_and_the_count(budget, enough):
+    searching = problem().search(None, "ITAE")
+    searching.fly = lambda sets: [*sets]
+
+    if enough:
+        assert searching.begin([GAINS], budget, 66) == [GAINS]
+    else:
+        with pytest.raises(ft.InputError, match="`budget` must be at least 130 flights, 64 for"):
+            searching.begin([GAINS], budget, 66)
