@@ -6,13 +6,26 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from made_up import made_up_run
 from printed import MODEL
 
 import flighttune as ft
 from flighttune.control.linear_model import Envelope
 from flighttune.control.tuning.noise import Noise, Rms
 from flighttune.control.tuning.result import TuningResult
-from flighttune.outputs.answers import beside, certification, compare, meeting, per_hour, tuning
+from flighttune.gaps.of_log import LogGap
+from flighttune.outputs.answers import band as answers_band
+from flighttune.outputs.answers import (
+    beside,
+    campaign,
+    certification,
+    compare,
+    log_gap,
+    meeting,
+    per_hour,
+    tuning,
+)
+from flighttune.outputs.answers import run as answers_run
 from flighttune.outputs.drawing.palette import LineStyle
 
 DEG = math.pi / 180.0
@@ -379,3 +392,176 @@ def test_rates_over_an_envelope_are_drawn_in_per_cent_of_it_and_end_in_a_cross_a
     assert x_2 == pytest.approx([0.0, 200.0])
     assert [name for name, *_ in chart.legend][1:] == ["mine", "yours"]
     assert chart.legend[0][0].startswith("V_a 25..25 m/s")
+
+
+def test_speed_that_has_priority_is_said_with_its_share_and_its_cost():
+    t = 0.1 * np.arange(100)
+    wanted = np.where((t > 1.95) & (t < 4.45), 0.1, 0.06)
+    signals = {"gamma_ref": wanted, "gamma_given": np.full(100, 0.06)}
+    path, route = (made_up_run(x, t) for x in (signals, signals | {"height_err": 0.3 * t}))
+
+    (said,) = answers_run.priority_notes([path, made_up_run({"gamma_ref": [0.0]})])
+
+    begins = "kinematic / paper: speed has priority from 2.0 s on, in 25 % of the flight;"
+    assert said == f"{begins} the path angle gives way by up to {0.04 / DEG:.1f} deg."
+    assert answers_run.priority_notes([route]) == [
+        f"{begins} the flight is up to 3 m below the route."
+    ]
+
+
+def test_facts_of_a_run_end_with_its_errors_in_degrees():
+    run = made_up_run({"chi_err": [0.3, 2.0 * DEG], "gamma_err": [0.3, -DEG]}, [0.0, 0.5])
+
+    said = {row["what"]: row["value"] for row in answers_run.facts(run).records}
+
+    assert said["errors at the end"] == "χ 2°, γ -1°"
+    assert said["flown"] == "0.5 s, 2 samples"
+    assert said["signals"] == "chi_err, gamma_err"
+    assert said["gains"].startswith("K_P [1.6968, 0.5906; -0.5906, 1.9556], K_I [3.4869,")
+
+
+def outcome(*groups):
+    """Groups with their successes and flights."""
+    rows = [{"group": name, "succeeded": n, "runs": of} for name, n, of in groups]
+    total, flights = (sum(row[key] for row in rows) for key in ("succeeded", "runs"))
+    return SimpleNamespace(by_group=rows, succeeded=total, runs=flights)
+
+
+@pytest.mark.parametrize(
+    ("groups", "said"),
+    [
+        ((("a", 3, 4),), "3 of 4 flights meet every requirement."),
+        ((("a", 3, 4), ("b", 6, 8)), "9 of 12 flights meet every requirement."),
+        (
+            (("a", 3, 4), ("b", 7, 8), ("c", 0, 0), ("d", 1, 2)),
+            "11 of 14 flights meet every requirement: the largest share with b (7 of 8), the "
+            "smallest with d (1 of 2).",
+        ),
+    ],
+)
+def test_groups_of_a_campaign_are_compared_by_their_shares(groups, said):
+    assert campaign.succeeded_in_words(outcome(*groups)) == said
+
+
+def band_of(flights, first, allowed, slower=""):
+    route = SimpleNamespace(except_slopes=slower)
+    return SimpleNamespace(
+        scores=[0.0] * flights, first=first, allowed=allowed, flights=SimpleNamespace(route=route)
+    )
+
+
+def fence_of(margin, outside, *, supported):
+    rows = [
+        {"margin_m": x, "stretch": "leg to waypoint 2", "along_m": 123.4}
+        | {"edge": "edge 1", "side": "left"}
+        for x in (margin + 5.0, margin)
+    ]
+    return SimpleNamespace(nearest=rows, outside=outside, supported=supported, epsilon=0.0123)
+
+
+PLACE = "on the leg to waypoint 2, 123 m along (edge 1, left)"
+
+
+@pytest.mark.parametrize(
+    ("made", "fence", "whether", "odds"),
+    [
+        (
+            band_of(100, 100, 2), fence_of(7.0, 1, supported=True),
+            "Yes: the mission can be flown and stays inside its fence.",
+            "A new flight leaves the fence with a probability of at most 0.0123, sure: 1 of 100 "
+            f"flights did. The flights and their corridor come nearest to it {PLACE}: 7.0 m.",
+        ),
+        (
+            band_of(100, 100, 2, " but slower"), fence_of(-3.0, 2, supported=True),
+            "Yes: the mission can be flown but slower, and stays inside its fence.",
+            "A new flight leaves the fence with a probability of at most 0.0123, sure: 2 of 100 "
+            f"flights did. The flight furthest out is 3.0 m outside, {PLACE}.",
+        ),
+        (
+            band_of(100, 100, 2), fence_of(-3.0, 5, supported=False),
+            "No: 5 of 100 flights are not certainly inside the fence; at most 2 of 100 may be "
+            "outside.",
+            f"They come furthest out {PLACE}: 3.0 m, which is the room that the fence lacks there; "
+            "a lower airspeed or wind may do too.",
+        ),
+        (
+            band_of(60, 100, 2), fence_of(1.0, 2, supported=False),
+            "Not known: 60 of 100 flights were flown; `flighttune band FILE --flights 100` flies "
+            "the others.",
+            f"They come furthest out {PLACE}: 0.0 m, which is the room that the fence lacks there; "
+            "a lower airspeed or wind may do too.",
+        ),
+        (
+            band_of(60, 100, 2), fence_of(-1.0, 3, supported=False),
+            "No: 3 of 60 flights are not certainly inside the fence; at most 2 of 100 may be "
+            "outside.",
+            f"They come furthest out {PLACE}: 1.0 m, which is the room that the fence lacks there; "
+            "a lower airspeed or wind may do too.",
+        ),
+    ],
+)  # fmt: skip
+def test_a_mission_says_whether_it_stays_in_its_fence_and_where_it_is_nearest(
+    made, fence, whether, odds
+):
+    assert answers_band.in_fence(made, fence, "sure") == (whether, odds)
+
+
+def made_up_gap(**changes):
+    """Two stretches of a log and of a model whose course differs by 2 and by 3 deg."""
+    t = np.array([[0.0], [20.0]]) + 0.5 * np.arange(30)
+    logged = {"chi": 0.0 * t, "gamma": 0.0 * t, "phi": 0.1 + 0.0 * t, "n_z": 1.0 + 0.0 * t}
+    logged["phi_cmd"] = 0.2 + 0.0 * t
+    late = np.where(t - t[:, :1] > 10.0, 1.0, -1.0)  # about a mean of nearly zero
+    phi = 0.1 + np.radians([[0.5], [1.5]]) + 0.0 * t
+    model = logged | {"chi": np.radians([[2.0], [3.0]]) * late, "phi": phi}
+    ended = {name: np.where(t > 30.0, np.nan, x) for name, x in model.items()}
+    stated = {
+        "log": "mine", "aircraft": "x", "t": t, "logged": logged, "explained": 0.875,
+        "flights": {"kinematic": ended, "x": model, "x, explained": logged},
+        "factors": {"mass": (1.25, 1.0, 1.5)}, "causes": {"mass": (0.75, 0.5), "wind": (0.25, 1.0)},
+        "tracking": (), "notes": ("a note",),
+    }  # fmt: skip
+    return LogGap(**(stated | changes))
+
+
+def test_the_gap_of_a_log_is_said_with_its_causes_and_its_worst_time():
+    gap = made_up_gap()
+
+    said = log_gap.answer(gap)
+
+    assert said.verdict.startswith(
+        "Mass and wind together explain 87.5 % of the difference between the log mine and the "
+        "model x. The courses differ most at "
+    )
+    assert said.values == {"explained_percent": 87.5}
+    assert said.notes == [
+        "a note", "kinematic: 1 of 2 flights ended early, and are compared until then.",
+    ]  # fmt: skip
+    rungs, causes, factors, _, parts = said.tables
+    assert [row["flown"] for row in rungs.records] == ["kinematic", "x", "x, explained"]
+    of_x = rungs.records[1]
+    assert of_x["phi"] == pytest.approx(np.radians(math.sqrt((0.5**2 + 1.5**2) / 2.0)))
+    assert rungs.records[2]["chi"] == 0.0
+    assert [row["from_s"] for row in parts.records] == [5.0, 25.0]
+    assert [row["phi"] for row in parts.records] == pytest.approx(np.radians([0.5, 1.5]))
+    shares = [(x["alone_percent"], x["without_percent"]) for x in causes.records]
+    assert shares == [(75.0, 50.0), (25.0, 100.0)]
+    (mass,) = factors.records
+    assert (mass["value"], mass["low"], mass["high"], mass["unit"]) == (1.25, 1.0, 1.5, "1")
+    one = log_gap.answer(made_up_gap(causes={"mass": (0.75, 0.5)})).verdict
+    assert one.startswith("Mass explains 87.5 % of the difference")
+    none = log_gap.answer(made_up_gap(causes={}, factors={})).verdict
+    assert none.startswith("The log can tell no cause of the difference")
+
+
+def test_the_gap_of_a_log_is_drawn_where_it_is_largest_in_degrees():
+    sheet = log_gap.sheet(made_up_gap())
+
+    chi, _, phi, load = sheet.charts
+    assert [chart.y for chart in (chi, phi, load)] == ["chi [deg]", "phi [deg]", "n_z [1]"]
+    times, course = chi._seen[1]
+    assert (times[0], times[-1]) == (20.0, 34.5)  # the second stretch
+    assert np.abs(course) == pytest.approx(np.full(30, 3.0))
+    assert [name for name, *_ in phi.legend] == ["kinematic", "x", "x, explained", "command", "log"]
+    assert phi._seen[3][1] == pytest.approx(np.full(30, 0.2 / DEG))
+    assert load._seen[1][1] == pytest.approx(np.ones(30))
