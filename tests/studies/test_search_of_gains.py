@@ -104,10 +104,16 @@ def test_gains_that_lose_too_much_of_R_K_miss_a_requirement():
 )
 def test_half_the_R_K_of_a_start_is_kept_that_meets_everything(stated, met, kept):
     expect = [SimpleNamespace(at_least={}), SimpleNamespace(at_least={"loop": stated})]
-    searching = search(campaigns=[SimpleNamespace(nominal=SimpleNamespace(expect=expect))])
+    campaigns = [SimpleNamespace(nominal=SimpleNamespace(expect=expect))]
+    searching = search(campaigns=campaigns, _R_K={GAINS: 0.8})
 
     assert searching.keep_R_K(trial([-0.1 if met else 0.1])) is kept
-    assert searching.least_R_K == (0.5 if kept else 0.0)
+    assert searching.least_R_K == (0.4 if kept else 0.0)
+
+
+def test_the_best_candidate_is_the_first_of_the_smallest_values():
+    trials = [trial([0.2]), trial([-0.1]), trial([-0.1]), trial([0.1])]
+    assert search(trials=dict(enumerate(trials))).best() is trials[1]
 
 
 @pytest.mark.parametrize(
@@ -241,6 +247,20 @@ def test_only_plants_with_requirements_are_flown():
 
     assert meet._required(one) == ["point_mass_lag"]
     assert meet._required(both) == ["kinematic", "point_mass_lag"]
+
+
+@pytest.mark.parametrize(
+    ("air", "first"), [({}, "kinematic"), ({"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "jsbsim")]
+)
+def test_in_wind_aircraft_fly_first_whose_wind_others_replay(air, first):
+    aircraft = {"kind": "jsbsim", "aircraft": "aerosonde"}
+    scenario = made_up_scenario(plant=[LAW, aircraft], expect=[BOUND], **air)
+
+    required = meet._required(scenario)
+
+    assert [x.partition(":")[0] for x in required] == sorted(
+        ["kinematic", "jsbsim"], key=lambda x: x != first
+    )
 
 
 @pytest.mark.parametrize(
