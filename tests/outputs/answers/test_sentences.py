@@ -18,12 +18,16 @@ from flighttune.outputs.answers import band as answers_band
 from flighttune.outputs.answers import (
     beside,
     campaign,
+    certificate,
     certification,
     compare,
+    gap,
     log_gap,
     meeting,
     per_hour,
+    tube,
     tuning,
+    worst,
 )
 from flighttune.outputs.answers import run as answers_run
 from flighttune.outputs.drawing.palette import LineStyle
@@ -565,3 +569,103 @@ def test_the_gap_of_a_log_is_drawn_where_it_is_largest_in_degrees():
     assert [name for name, *_ in phi.legend] == ["kinematic", "x", "x, explained", "command", "log"]
     assert phi._seen[3][1] == pytest.approx(np.full(30, 0.2 / DEG))
     assert load._seen[1][1] == pytest.approx(np.ones(30))
+
+
+def test_planning_says_the_largest_errors_with_and_without_it():
+    def errors(chi, gamma):
+        return {"chi": chi, "gamma": gamma}
+
+    largest = {
+        name: {"unplanned": wild * DEG, "planned": calm * DEG}
+        for (name, wild), calm in zip(errors(12.0, 3.0).items(), (1.5, 0.25), strict=True)
+    }
+
+    assert gap.planning(SimpleNamespace(largest_errors=largest)) == [
+        "Planning roll and lift takes the largest error of course from 12 to 1.5 deg and that of "
+        "path angle from 3 to 0.25 deg."
+    ]
+    assert gap.planning(SimpleNamespace(largest_errors=None)) == []
+
+
+def test_steps_of_one_gap_have_no_column_of_gains():
+    def ladder(name):
+        step = SimpleNamespace(values={"adds": "lift"})
+        return SimpleNamespace(name=name, steps=(step, step), whole=step)
+
+    one, two = gap.step_table([ladder("a")]), gap.step_table([ladder("a"), ladder("b")])
+
+    assert [len(table.records) for table in (one, two)] == [3, 6]
+    assert len(two.columns) == len(one.columns) + 1
+    assert two.columns[0].key == "gains"
+    assert [record["gains"] for record in two.records] == ["a"] * 3 + ["b"] * 3
+    grounded = SimpleNamespace(name="c", steps=(), whole=None)  # the aircraft did not fly
+    assert gap.step_table([grounded]).records == []
+
+
+def test_disturbances_of_a_tube_are_the_widest_of_its_samples():
+    low, high = np.array([[-1.0, 0.5], [0.0, -2.0]]), np.array([[1.0, 3.0], [2.0, 0.0]])
+
+    found = tube.disturbances(SimpleNamespace(disturbances=(low, high)))
+
+    assert [ends.tolist() for ends in found] == [[-1.0, -2.0], [2.0, 3.0]]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, "Proven: errors shrink by exp(-0.25 t) or faster, up to a factor of 5 for the linear"),
+        (
+            {"conditions": ((25.0, 0.0),)},
+            "up to a factor of 5 for the linear models at one place. R_K, 0.5 1/s, is the rate of",
+        ),
+        ({"envelope": "any"}, "up to a factor of 5 for every flight of the law at one place. R_K"),
+    ],
+)
+def test_a_proof_says_that_a_norm_decays_at_half_the_rate_of_its_square(changes, said):
+    claim = {"rate": 0.5, "envelope": None, "conditions": (), "place": "at one place"} | changes
+    proven = SimpleNamespace(
+        claim=SimpleNamespace(**claim), exact_rates=(), growth=5.0, in_words="certified"
+    )
+
+    (words,) = certificate.proven_in_words(proven)
+    assert said in words
+
+    rate = {"growth": 2.0, "decay": 0.75, "true_rate": 0.8}
+    proven.exact_rates, proven.rates_values, proven.in_words = (1,), [rate], "certified, but weak"
+    first, second = certificate.proven_in_words(proven)
+    assert first.startswith(
+        "Proven: errors shrink as 2 exp(-0.75 t) or faster (true rate 0.8 1/s) for "
+    )
+    assert second == "Certified, but weak."
+
+
+@pytest.mark.parametrize(
+    ("metric", "contradicts", "missed", "ends"),
+    [
+        ("chi.MO_rad", False, "", ("no requirement is missed", "")),
+        ("chi.MO_rad", False, "missed one", ("missed one", "")),
+        (worst.TUBE, False, "", ("no requirement is missed", "")),
+        (worst.TUBE, True, "", ("", "the worst flight uses 1.25 of the {}: this contradicts its")),
+    ],
+)
+def test_a_worst_flight_that_leaves_its_tube_contradicts_its_proof(
+    metric, contradicts, missed, ends
+):
+    names = "first family distance radius status plant gains ratio ratio_of_search"
+    found = SimpleNamespace(
+        **dict.fromkeys(names.split(), 1), metric=metric, value=1.25, flights=40, missed=missed,
+        drawn={"seed": 123456789, "wind.speed_mps": 2.0}, contradicts=contradicts, endings=(),
+        compiled=SimpleNamespace(values={}, notes=["compiled"]),
+        scenario=SimpleNamespace(gains_notes=lambda *_: ["gains"]),
+    )  # fmt: skip
+
+    said = worst.answer(found)
+
+    verdict, failure = ends
+    assert said.verdict == verdict
+    assert said.failure.startswith(failure.format(metric))
+    near = f"the worst flight uses 1.25 of the {metric}"
+    of_claim = [near] * (metric == worst.TUBE and not contradicts)
+    assert said.notes == ["gains", "compiled", *of_claim]
+    assert said.tables[0].title == f"worst {metric} in 40 flights"
+    assert [row["value"] for row in said.tables[1].records] == ["123456789", 2.0]

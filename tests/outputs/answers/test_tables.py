@@ -204,3 +204,66 @@ def test_an_answer_has_the_same_records_in_text_and_json(tmp_path):
     assert "1.23" in text
     assert f"page: {tmp_path}" in text
     assert "figure" not in text
+
+
+@pytest.mark.parametrize(
+    ("column", "record", "text"),
+    [
+        (Column("x"), {"x": 2.0}, "2"),
+        (Column("x"), {"x": 1234.56}, "1235"),
+        (Column("x"), {}, "–"),
+        (Column("x"), {"x": None}, "–"),
+        (Column("x"), {"x": math.nan}, "–"),
+        (Column("x", missing="-"), {"x": math.nan}, "-"),
+        (Column("x", factor=100.0, digits=".1f"), {"x": 0.125}, "12.5"),
+        (Column("x", digits=lambda value: f"<{value:g}>"), {"x": 3.0}, "<3>"),
+        (Column("x"), {"x": True}, "yes"),
+        (Column("x"), {"x": False}, "no"),
+        (Column("x"), {"x": ["a", 1]}, "a, 1"),
+        (Column("x"), {"x": []}, "–"),
+        (Column("x"), {"x": [[1.0, 0.5]]}, "[1.0000, 0.5000]"),
+        (Column("a.b.c"), {"a": {"b.c": 7}}, "7"),
+        (Column("a.1"), {"a": [5.0, 6.0]}, "6"),
+        (Column("a.b"), {"a": 5.0}, "–"),
+        (Column("x", ends=("lo", "hi")), {"x": 5.0, "lo": 4.0, "hi": 6.0}, "5 [4, 6]"),
+        (Column("x", ends=("a", "b"), factor=10.0), {"x": 5.0, "a": 4.0, "b": 6.0}, "50 [40, 60]"),
+        (Column("x", ends=("lo", "hi")), {"x": 5.0, "lo": -math.inf, "hi": 6.0}, "5 [<= 6]"),
+    ],
+)  # fmt: skip
+def test_a_cell_is_its_value_in_the_unit_and_digits_of_its_column(column, record, text):
+    assert column.text(record) == text
+
+
+def test_a_table_leaves_out_empty_columns_but_for_the_first():
+    table = Table(
+        (Column("a", "A"), Column("b", "B", "m"), Column("c", "C")),
+        [{"a": None, "b": 1.0, "c": ""}, {"a": None, "b": 2.0}],
+    )
+
+    assert [column.key for column in table.filled.columns] == ["a", "b"]
+    assert (table.head, table.left_aligned) == (["A", "B [m]", "C"], [True, False, True])
+    assert (table.rows, table.labels) == ([["–", "1", ""], ["–", "2", "–"]], [])
+    assert replace(table, label="b").labels == ["1.0", "2.0"]
+    assert not table.ends_in_words
+    for letters, wraps in ((40, False), (41, True)):
+        assert Table((Column("a"),), [{"a": "x" * letters}]).ends_in_words == wraps
+    assert facts_table("t", {"a": "b"}).rows == [["a", "b"]]
+
+
+def test_an_answer_in_json_has_its_sentences_values_and_files(tmp_path):
+    table = Table((Column("a"),), [{"a": math.inf}], name="rows")
+    answer = Answer(
+        summary=["Yes."], changed=["One change."], values={"x": math.nan, "y": 2.0},
+        tables=[table, replace(table, name="")], notes=["A note."], command="flighttune x",
+        files={"page": tmp_path / "p.html"}, failure="It failed.",
+    )  # fmt: skip
+
+    found = json.loads(answer.json())
+
+    assert found == {
+        "rows": [{"a": None}], "notes": ["One change.", "A note."], "verdict": "It failed.",
+        "summary": ["Yes."], "command": "flighttune x", "x": None, "y": 2.0,
+        "page": str(tmp_path / "p.html"),
+    }  # fmt: skip
+    assert json.loads(replace(answer, verdict="Verdict.").json())["verdict"] == "Verdict."
+    assert answer.status == 1
