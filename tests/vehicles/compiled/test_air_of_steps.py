@@ -100,7 +100,21 @@ def test_air_that_is_warmer_throughout_is_thinner_and_its_density_altitude_highe
     )
 
 
-@pytest.mark.parametrize("mach", [0.4, 0.7, 0.999, 1.0, 1.5, 2.5])
+@pytest.mark.parametrize("km", [5.0, 18.0, 28.0, 40.0, 49.0, 60.0])
+def test_the_pressure_of_warmer_air_is_that_of_the_hydrostatic_equation(km):
+    """By the trapezoidal rule over the heights between the layers of the standard."""
+    heights = np.linspace(0.0, 1000.0 * km, 4001)
+    knots, kelvin = np.array([(h, T) for h, T, _ in STANDARD[1:]]).T
+    layers = np.interp(heights, 1000.0 * knots, kelvin) + 10.0
+    fall = np.trapezoid(9.80665 / (287.05287 * layers), heights)
+    earth = 6356766.0
+
+    now = air_at(1000.0 * km * earth / (earth - 1000.0 * km), bias=18.0)
+
+    assert now["atmosphere/P-psf"] / 2116.228 == pytest.approx(math.exp(-fall), rel=1e-3)
+
+
+@pytest.mark.parametrize("mach", [0.4, 0.7, 0.999, 1.0, 1.05, 1.5, 2.5])
 def test_the_pressure_of_air_at_rest_is_isentropic_and_that_of_rayleigh_above_mach_1(mach):
     if mach < 1.0:
         ratio = (1.0 + 0.2 * mach**2) ** 3.5
@@ -153,6 +167,7 @@ def test_flow_angles_and_their_rates_are_those_of_the_velocity_through_the_air()
     alpha, beta, V = angles(0.0)
     found = [now[f"aero/{x}-rad"] for x in ("alpha", "beta", "mag-beta")]
     assert found == pytest.approx([alpha, beta, abs(beta)])
+    assert now["aero/mag-beta-deg"] == pytest.approx(math.degrees(abs(beta)))
     assert [now[f"aero/{x}-deg"] for x in ("alpha", "beta")] == pytest.approx(
         np.degrees([alpha, beta])
     )
@@ -220,6 +235,33 @@ def test_at_sea_level_calibrated_and_equivalent_airspeeds_are_the_true_one():
     mach = 500.0 / 1116.45
     assert now["propulsion/tat-r"] == pytest.approx(518.67 * (1.0 + 0.2 * mach**2))
     assert now["propulsion/pt-lbs_sqft"] == pytest.approx(2116.228 * (1.0 + 0.2 * mach**2) ** 3.5)
+
+
+def test_load_factors_at_the_pilot_are_those_of_the_turning_body():
+    """Two feet ahead of the centre of gravity, half a foot to the right and one above it."""
+    g, rates, turning = 9.80665 / FT, np.array([0.5, -0.2, 0.3]), np.array([1.0, 2.0, -0.5])
+    body = np.array([3.0, -2.0, -40.0])
+    now = state({
+        **dict(zip(air_data.BODY_ACCELERATION, body.tolist(), strict=True)),
+        **dict(zip(air_data.ANGULAR_ACCELERATION, turning.tolist(), strict=True)),
+        **dict(zip(air_data.INERTIAL_RATES, rates.tolist(), strict=True)),
+        "metrics/eyepoint-x-in": 76.0, "metrics/eyepoint-y-in": 8.0, "metrics/eyepoint-z-in": 15.0,
+        "_lift": 3000.0, "inertia/mass-slugs": 50.0,
+        "position/h-agl-ft": 60.0, "metrics/bw-ft": 30.0,
+    }, 0.01)  # fmt: skip
+    now.cg, now.reference_point = [100.0, 2.0, 3.0], [1.0, 2.0, 3.0]
+    now.body_to_local = np.eye(3).tolist()
+
+    air_data._load_factors(now)
+
+    assert [now[f"accelerations/N{x}"] for x in "xyz"] == pytest.approx(body / g * [1, 1, -1])
+    arm = np.array([2.0, 0.5, -1.0])
+    pilot = body + np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
+    assert [now[f"accelerations/a-pilot-{x}-ft_sec2"] for x in "xyz"] == pytest.approx(pilot)
+    assert [now[f"accelerations/n-pilot-{x}-norm"] for x in "xyz"] == pytest.approx(pilot / g)
+    assert now["forces/load-factor"] == pytest.approx(3000.0 / (50.0 * 32.174049))
+    assert now["aero/h_b-cg-ft"] == 2.0
+    assert now["aero/h_b-mac-ft"] == pytest.approx(57.0 / 30.0)
 
 
 def test_vectors_and_rotations_are_those_of_numpy_and_scipy():

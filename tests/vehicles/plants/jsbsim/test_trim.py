@@ -10,8 +10,10 @@ import pytest
 from airframes import fdm_of
 from made_up import shortened
 from places import SHIPPED_AIRCRAFT
+from scipy.spatial.transform import Rotation
 
 import flighttune as ft
+from flighttune.vehicles.plants.jsbsim import trim as trims
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, interior_root, trim_table
 
@@ -261,6 +263,71 @@ def test_a_root_is_found_to_within_the_noise_of_the_residual():
 
     assert root == pytest.approx(0.3, abs=4.0 * NOISE)
     assert interior_root(residual, start, bounds, widths=widths) is None
+
+
+@pytest.mark.parametrize("start", [(0.2, 0.3), (0.7, 0.1)])
+def test_a_root_of_two_unknowns_is_found_inside_its_bounds_alone(start):
+    """x^2 + y = 0.5 and x - y^3 = 0.3; the same, moved beyond the largest values."""
+
+    def residual(x):
+        return np.array([x[0] ** 2 + x[1] - 0.5, x[0] - x[1] ** 3 - 0.3])
+
+    def root(high):
+        bounds = np.array([-1.0, -1.0]), np.array([high, 1.0])
+        return interior_root(
+            residual, np.minimum(start, 0.9 * high), bounds, widths=np.array([1e-6, 1e-6]),
+            enough=1e-12,
+        )  # fmt: skip
+
+    found = root(1.0)
+    assert residual(found) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert np.abs(found).max() < 1.0
+    assert root(0.8 * found[0]) is None
+
+
+def test_an_unknown_without_effect_has_no_root():
+    bounds = np.zeros(2), np.ones(2)
+    widths = np.full(2, 1e-6)
+    assert (
+        interior_root(lambda x: np.array([x[0] - 0.5, 0.1]), 0.3 * bounds[1], bounds, widths=widths)
+        is None
+    )
+
+
+def test_slopes_are_differences_that_stay_below_the_largest_values():
+    tried = []
+
+    def residual(x):
+        tried.append(x.copy())
+        return np.array([3.0 * x[0] - x[1], x[0] * x[1]])
+
+    x, widths, upper = np.array([1.0, 2.0]), np.array([0.25, 0.5]), np.array([1.25, 9.0])
+    found = trims.slopes_within(residual, x, residual(x), widths, upper)
+
+    assert found == pytest.approx(np.array([[3.0, -1.0], [2.0, 1.0]]))
+    assert [y.tolist() for y in tried[1:]] == [[0.75, 2.0], [1.0, 2.5]]
+
+
+@pytest.mark.parametrize(
+    ("gamma", "phi", "alpha", "beta"),
+    [
+        (0.0, 0.0, 0.1, 0.0),
+        (0.2, 0.6, 0.15, -0.05),
+        (-0.3, -1.0, -0.05, 0.1),
+        (0.8, 0.2, 0.3, 0.02),
+    ],
+)
+def test_pitch_and_heading_of_a_steady_flight_are_those_of_its_velocity(gamma, phi, alpha, beta):
+    body = np.array(
+        [math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta)]
+    )
+    theta = trims.pitch_attitude(gamma, phi, alpha, beta)
+    drift = trims._drift_angle(theta, phi, alpha, beta)
+
+    north, east, down = Rotation.from_euler("ZYX", [0.0, theta, phi]).apply(body)
+
+    assert -math.asin(down) == pytest.approx(gamma, abs=1e-12)
+    assert math.atan2(east, north) == pytest.approx(drift, abs=1e-12)
 
 
 TURBOPROP = Path(__file__).parents[3] / "adopted/DHC6/turn.toml"
