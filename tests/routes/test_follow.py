@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 import flighttune as ft
 from flighttune.flight.loop import loop
 from flighttune.routes import follow
-from flighttune.routes.path import STEP
+from flighttune.routes.path import STEP, Ability, Waypoint, plan
 
 ROUTE = {
     "wind_mps": 8.0,
@@ -321,3 +321,69 @@ def test_a_route_that_cannot_be_flown_in_wind_is_refused_by_its_waypoint(tmp_pat
 
     assert "leg to waypoint 2" in said
     assert "[wind]" not in said
+
+
+def straight_route(**more):
+    """A kilometre to the north-east that climbs by 50 m, with a look-ahead of 4 s at 25 m/s."""
+    ability = Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), g=9.81)
+    far = 500.0 * math.sqrt(2.0)
+    ends = [Waypoint(north=0.0, east=0.0), Waypoint(north=far, east=far, up=50.0)]
+    return follow.RouteReference(path=plan(ends, ability), V_a=25.0, look_ahead=4.0, g=9.81, **more)
+
+
+@pytest.mark.parametrize(
+    ("place", "options", "says"),
+    [
+        ((999.6, 0.0, 0.0), {}, "t = 9 s: 0 m of the route are left."),
+        ((900.0, 500.0, 0.0), {}, "t = 9 s: 100 m of the route are left."),
+        ((1000.1, 60.0, 79.9), {}, ""),
+        ((1000.1, 60.0, 80.1), {}, "the end of the route was passed 100 m from it, must be within"),
+        ((1000.1, -60.0, 500.0), {"gave_way": True}, ""),
+        (
+            (1000.1, -101.0, 0.0),
+            {"gave_way": True},
+            "passed 101 m from it, must be within its",
+        ),
+    ],
+)
+@pytest.mark.parametrize("holds", [False, True])
+def test_a_route_is_completed_within_the_look_ahead_of_its_end(place, options, says, holds):
+    """Where the law holds the airspeed, or gave height up for it, the height does not count."""
+    route = straight_route(holds_airspeed=holds)
+
+    stop = route.not_arrived(9.0, place, **options)
+
+    if not says or (holds and "100 m from" in says):
+        assert stop is None
+    else:
+        assert stop.status == "not_arrived"
+        assert says in stop.reason
+
+
+def test_the_displacement_of_a_flight_is_its_largest_distance_from_its_places():
+    """3, 4 and 12 m off, and 13 m in all; behind the start the place is the start."""
+    route = straight_route()
+    along, right, below = np.array([0.0, 300.0, 250.0, 600.0]), 5.0, 2.0
+    s = np.maximum.accumulate(along) / math.sqrt(2.0)
+    north = s - right / math.sqrt(2.0) + [0.0, 1.0, 0.0, 3.0]
+    east = s + right / math.sqrt(2.0) - [0.0, 0.0, 2.0, 4.0]
+    up = 0.05 * np.maximum.accumulate(along) - below + [0.0, 0.0, 0.0, 12.0]
+    signals = pd.DataFrame(
+        {"along": along, "cross_track": right, "height_err": below, "north": north, "east": east}
+        | {"down": -up}
+    )
+
+    assert route.displacement(signals) == pytest.approx(13.0)
+    assert route.displacement(signals.iloc[:3]) == pytest.approx(2.0)
+
+
+def test_an_airspeed_that_does_not_change_needs_no_table():
+    path = straight_route().path
+
+    assert follow.airspeeds_along(path, 25.0, {2: 25.0}, 9.81) is None
+    assert follow.airspeeds_along(path, 25.0, {}, 9.81) is None
+    assert follow.airspeeds_along(path, 25.0, {2: 25.0, 1: 26.0}, 9.81) is not None
+    assert straight_route().start_speed == pytest.approx(25.0 * math.cos(math.atan(0.05)))
+    fast = straight_route(airspeeds=np.full(len(path.s), 30.0))
+    assert fast.start_speed == pytest.approx(30.0 * math.cos(math.atan(0.05)))
+    assert fast.initial == pytest.approx((math.pi / 4.0, math.atan(0.05)))

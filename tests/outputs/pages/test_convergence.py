@@ -1,13 +1,14 @@
 """Convergence as the report understands it, and its panels, bars and words."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_up import made_up_run
 
 from flighttune.outputs.drawing.palette import LineStyle
-from flighttune.outputs.pages import campaign_charts, panels
+from flighttune.outputs.pages import campaign_charts, meet, panels
 from flighttune.outputs.pages.panels import final_errors
 
 
@@ -174,3 +175,27 @@ def test_an_axis_of_a_distribution_holds_bounds_and_all_but_its_outermost_values
 
     assert found == pytest.approx(ends)
     assert axes == log
+
+
+@pytest.mark.parametrize(
+    ("values", "row", "ends"),
+    [
+        # bound, start and result span 4, by which the axis goes on to both sides at most
+        ([3.0, 8.0], {"bound": 4.0, "start": 6.0, "value": 2.0}, (2.0 - 0.3, 8.0 + 0.3)),
+        ([-90.0, 90.0], {"bound": 4.0, "start": 6.0, "value": 2.0}, (-2.0 - 0.6, 10.0 + 0.6)),
+        ([np.nan], {"bound": 4.0, "start": np.inf, "value": np.nan}, (0.0, 8.0)),
+        ([np.nan], {"bound": 0.0, "start": np.inf, "value": np.nan}, (-1.0, 1.0)),
+    ],
+)
+def test_an_axis_of_candidates_has_what_is_marked_and_as_much_beyond(values, row, ends):
+    assert meet._range(np.array(values), row) == pytest.approx(ends)
+
+
+def test_candidates_are_drawn_by_their_share_in_their_order():
+    trials = [SimpleNamespace(worst=np.array(x)) for x in ([0.1, 0.0, -1.0, 2.0], [-1.0] * 4)]
+
+    chart = meet.share_chart(trials, 0.9)
+
+    (order, shares), (_, wanted) = chart._seen
+    assert (order.tolist(), shares.tolist()) == ([1.0, 2.0], [50.0, 100.0])
+    assert wanted == pytest.approx(90.0)
