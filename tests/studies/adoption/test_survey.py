@@ -1,6 +1,7 @@
 """What experiments on an aeroplane in closed form find: its lift, surfaces and engines."""
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -233,3 +234,71 @@ def test_a_flight_control_keeps_its_effect_while_its_command_is_held(of_time, wo
     # a tenth of the full effect counts if it is more than what the command has at once
     assert (words in said) if full_effect == 1.0 else not said
     assert bool(said) == bool(words and full_effect == 1.0)
+
+
+class Engine(survey._Model):
+    """An aeroplane of 1 lb whose thrust and drag are given, by throttle and by airspeed."""
+
+    def __init__(self, thrust, drag, V_a=None):
+        tables = {"engines": {}}
+        super().__init__(tables=tables, folder=Path(), h=0.0, V_a=V_a, values={})
+        self.thrust, self.drag = thrust, drag
+
+    def load(self, **changed):
+        full = changed["engines"].get("full", 1.0)
+        state, numbers = LEVEL, {"inertia/mass-slugs": FT / G, survey.EXTERNAL: 0.0}
+
+        def accelerations(new):
+            nonlocal state
+            state = new
+            numbers["forces/fwx-aero-lbs"] = self.drag(state.V_a)
+
+        fdm = SimpleNamespace(
+            thrusts=[lambda: self.thrust(full * state.throttle)], electric=False, rate=200.0,
+            reader=lambda name: lambda: numbers[name], start_engines=lambda: None,
+            hold=lambda *_, **__: None,
+        )  # fmt: skip
+        return SimpleNamespace(fdm=fdm, accelerations=accelerations)
+
+
+FLAT = survey.Lift(
+    np.array([-0.2, 0.3]), np.array([-0.6, 1.0]), np.array([0.1, 0.1]), 0.3, -0.2, 20.0
+)
+
+
+@pytest.mark.parametrize(
+    ("thrust", "drag", "V_a", "found"),
+    [
+        # the first airspeed with 0.08 of the weight to spare: 1.6, 1.8, 2.0, ... times 20 m/s
+        (lambda x: 0.3 * x, lambda V: 0.1, None, (32.0, 0.2)),
+        (lambda x: 0.3 * x, lambda V: 0.25 if V < 39.0 else 0.1, None, (40.0, 0.2)),
+        (lambda x: 0.3 * x, lambda V: 0.2199, None, (32.0, 0.0801)),
+        # or that with the most
+        (lambda x: 0.12 * x, lambda V: 0.05 + 1e-4 * (V - 48.0) ** 2, None, (48.0, 0.07)),
+        (lambda x: 0.12 * x, lambda V: 0.1, 27.0, (27.0, 0.02)),
+        # fully open at a half
+        (lambda x: 0.3 * min(2.0 * x, 1.0), lambda V: 0.1, None, (32.0, 0.2)),
+        # twenty times the weight: a thirty-second of the lever, 0.625 of the weight
+        (lambda x: 20.0 * x, lambda V: 0.1, None, (32.0, 0.525)),
+    ],
+)
+def test_the_airspeed_is_the_first_with_thrust_to_spare_or_that_with_most(thrust, drag, V_a, found):
+    model = Engine(thrust, drag, V_a)
+
+    assert model._driven(model.tables, FLAT) == pytest.approx(found)
+    assert model.tables["engines"]["settle_s"] == 0.0
+    assert model.tables["engines"].get("full") == (1.0 / 32.0 if thrust(1.0) > 10.0 else None)
+
+
+@pytest.mark.parametrize(
+    ("thrust", "V_a", "words"),
+    [
+        (lambda x: 0.05 * x, None, "at most 0.50 of its drag at any airspeed"),
+        (lambda x: 0.05 * x, 30.0, "thrust is 0.50 of its drag at 30 m/s"),
+        (lambda x: 0.3, None, "does not follow the throttle"),
+    ],
+)
+def test_engines_that_do_not_drive_an_aeroplane_are_refused(thrust, V_a, words):
+    model = Engine(thrust, lambda V: 0.1, V_a)
+    with pytest.raises(survey.Refusal, match=words):
+        model._driven(model.tables, FLAT)
