@@ -339,11 +339,7 @@ def straight_route(**more):
         ((1000.1, 60.0, 79.9), {}, ""),
         ((1000.1, 60.0, 80.1), {}, "the end of the route was passed 100 m from it, must be within"),
         ((1000.1, -60.0, 500.0), {"gave_way": True}, ""),
-        (
-            (1000.1, -101.0, 0.0),
-            {"gave_way": True},
-            "passed 101 m from it, must be within its",
-        ),
+        ((1000.1, -101.0, 0.0), {"gave_way": True}, "passed 101 m from it, must be within its"),
     ],
 )
 @pytest.mark.parametrize("holds", [False, True])

@@ -317,3 +317,57 @@ def test_drawn_samples_are_all_or_evenly_spaced():
     # smallest and largest of each stretch of 5, with a gap of one of them
     values = np.array([3.0, 9, 1, 2, 2, 5, 5, np.nan, 7, 4, 6, 6, 6, 0, 8])
     assert charts.peaks(values, most=6).tolist() == [0, 1, 2, 7, 8, 9, 13, 14]
+
+
+def test_a_band_is_a_closed_line_along_one_edge_and_back_along_the_other():
+    chart = Chart(title="", **UNIT)
+    chart.band([0.0, 5.0], [1.0, 2.0], [3.0, 4.0], BLUE, run="a run", name="bound")
+
+    (band,) = [one for one in drawn(chart).iter(f"{SVG}path") if one.get("class") == "band"]
+    assert band.get("d") == "M0.0,153.60 196.0,115.20 196.0,38.40 0.0,76.80Z"
+    assert (band.get("data-run"), band.get("data-part")) == ("a run", "bound")
+    assert chart.legend == [("bound", BLUE, "band")]
+    chart.area([0.0, 5.0, 5.0], [0.0, 0.0, 5.0], RUST, name="corridor")
+    (area,) = [x for x in elements(chart, "path") if x.get("data-part") == "corridor"]
+    assert area.get("d") == "M0.0,192.00 196.0,192.00 196.0,0.00Z"
+
+
+def test_texts_stand_at_their_points_and_names_of_rows_at_the_left_edge():
+    chart = Chart(title="", **UNIT)
+    chart.text(5.0, 2.5, "here", anchor="middle", shift=(3.0, -7.0))
+    chart.name_row(1.0, "row")
+
+    here, row = elements(chart, "text")
+    places = [(x.get("x"), x.get("y"), x.get("text-anchor"), x.get("data-at")) for x in (here, row)]
+    assert places == [
+        ("199.0", "89.0", "middle", "196.0,96.0"), ("2.0", "153.6", "start", "left,153.6"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("x", "left"),
+    # a name of ten letters is 67 pixels wide, 9 to the right of its point or else to its left
+    [(5.0, 196.0 + 9.0), (8.0, 313.6 + 9.0), (8.1, 317.52 - 9.0 - 67.0)],
+)
+def test_the_name_of_a_point_stands_to_its_right_where_there_is_room(x, left):
+    chart = Chart(title="", **UNIT)
+    chart.label_points([(x, 2.5, "abcdefghij")])
+
+    (name,) = elements(chart, "text")
+    assert float(name.get("x")) == pytest.approx(left, abs=TENTH)
+    assert float(name.get("y")) == pytest.approx(96.0 - 6.0 + 10.0)
+    assert elements(chart, "path") == []
+
+
+def test_names_of_points_in_one_place_go_around_it_and_then_away_with_a_line():
+    chart = Chart(title="", **UNIT)
+    chart.label_points([(5.0, 2.5, "abcde")] * 6)
+
+    found = [(float(x.get("x")), float(x.get("y"))) for x in elements(chart, "text")]
+    right, left, middle = 205.0, 196.0 - 9.0 - 33.5, 196.0 - 16.75
+    # 12 pixels high: right, left, above and below; then to both sides 40 above, as 24 above and 12
+    # below they would meet the names above and below
+    expected = [(right, 100), (left, 100), (middle, 84), (middle, 115), (right, 66), (left, 66)]
+    assert found == [pytest.approx(place, abs=TENTH) for place in expected]
+    lines = [x.get("d") for x in drawn(chart).iter(f"{SVG}path") if "L" in x.get("d")]
+    assert lines == ["M196.0,96.0L205.0,62.0", "M196.0,96.0L187.0,62.0"]
