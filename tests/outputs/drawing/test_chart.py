@@ -371,3 +371,38 @@ def test_names_of_points_in_one_place_go_around_it_and_then_away_with_a_line():
     assert found == [pytest.approx(place, abs=TENTH) for place in expected]
     lines = [x.get("d") for x in drawn(chart).iter(f"{SVG}path") if "L" in x.get("d")]
     assert lines == ["M196.0,96.0L205.0,62.0", "M196.0,96.0L187.0,62.0"]
+
+
+def test_labels_stand_beside_their_axes_and_a_page_knows_the_axes_that_it_may_not_label():
+    """The plot begins at (58, 8) and has 392 x 192 pixels."""
+    two_lines = [(5.0, "five\nand half")]
+    chart = Chart(title="", x="t [s]", x_ticks=two_lines, y_ticks=[(2.5, "mid")], **UNIT)
+
+    texts = {x.text: (float(x.get("x")), float(x.get("y"))) for x in drawn(chart) if x.get("x")}
+    texts.pop(None, None)
+
+    assert texts == {
+        "mid": (52.0, 108.0), "five": (254.0, 215.0), "and half": (254.0, 227.0),
+        "t [s]": (254.0, 232.0),
+    }  # fmt: skip
+    for ticks_of, fixed in (({"x_ticks": two_lines}, "x"), ({"y_ticks": []}, "y"), ({}, "")):
+        assert drawn(Chart(title="", **ticks_of, **UNIT)).get("data-fixed") == fixed
+    for low, log in ((0.0, ""), (0.1, "x")):
+        linear = Chart(title="", log="x", x_range=(low, 10.0), y_range=(0.0, 5.0))
+        assert drawn(linear).get("data-log") == log
+
+
+def test_a_shared_legend_stands_above_the_charts():
+    def top_of(**more):
+        svg = Sheet(charts=[Chart(title="a")], columns=1, **more).svg()
+        root = ElementTree.fromstring(svg)
+        (chart,) = [x for x in root.iter(f"{SVG}svg") if x.get("class") == "chart"]
+        return float(chart.get("y")), root
+
+    # 18 for the title of the chart; 26 for that of the sheet; a row of 15 with 10 below it
+    assert top_of()[0] == 18.0
+    assert top_of(title="T")[0] == 18.0 + 26.0
+    top, root = top_of(title="T", legend=[("name", BLUE, "")])
+    assert top == 18.0 + 26.0 + 25.0
+    (name,) = [x for x in root.iter(f"{SVG}text") if x.text == "name"]
+    assert (float(name.get("x")), float(name.get("y"))) == (36.0, 26.0 + 12.0 + 4.0)
