@@ -31,6 +31,8 @@ from flighttune.studies.beside import (
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
+LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
+FOUR = {"flights": 4, "workers": 1, "changes": {"route.waypoint": LEG}}
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,7 @@ class Killed(ft.CampaignObserver):
     def see(self, progress):
         if progress.flown >= 2:
             os.kill(os.getpid(), signal.SIGKILL)
-more = {FEW | {"flights": 4}!r}
+more = {FOUR!r}
 ft.compare("circuit_in_wind", autopilot=sys.argv[1], kept=sys.argv[2], observer=Killed(), **more)
 """
 
@@ -72,9 +74,9 @@ def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     said = []
     observer = ft.CampaignObserver()
     observer.hear = said.append
-    options = FEW | {"flights": 4, "workers": 2, "observer": observer}
+    options = FOUR | {"workers": 2, "observer": observer}
     on = ft.compare("circuit_in_wind", autopilot=file, kept=kept, **options)
-    whole = ft.compare("circuit_in_wind", autopilot=file, **FEW | {"flights": 4})
+    whole = ft.compare("circuit_in_wind", autopilot=file, **FOUR)
 
     assert said[0] == f"{kept}: {len(flown)} flights are flown already."
     assert not kept.exists()

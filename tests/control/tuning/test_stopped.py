@@ -1,7 +1,6 @@
 """Tuning that is stopped ends with its next step."""
 
 import pytest
-from fuzzing import slow
 
 import flighttune as ft
 from flighttune.base.errors import StoppedError
@@ -10,18 +9,21 @@ from flighttune.base.stop import stopped_by
 STEPS = 5
 
 
+OTHERS = (
+    {},  # by gradients
+    {"tuning.I_star": 1e-9},  # infeasible: its diagnosis searches too
+    {"tuning.model": "identified"},
+)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
-        *slow(
-            {},  # by gradients
-            {"tuning.I_star": 1e-9},  # infeasible: its diagnosis searches too
-            {"tuning.model": "identified"},
-        ),
+        *(pytest.param(changes, marks=pytest.mark.soak) for changes in OTHERS),
         {"tuning.model": "identified", "tuning.lag_s": [0.1, 0.4]},  # the slowest decay
     ],
 )
-@pytest.mark.soak
+@pytest.mark.slow
 def test_tuning_ends_with_the_step_at_which_it_is_stopped(changes):
     steps = 0
 
