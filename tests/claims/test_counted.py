@@ -205,3 +205,22 @@ def test_another_claim_of_a_count_stands_beside_that_which_was_planned(counted):
     assert other.about.planned == (0.05, CONFIDENCE)
     assert other.claiming(0.2, 0.97).about.planned == (0.05, CONFIDENCE)
     assert (back.about.epsilon, back.about.planned) == (0.05, None)
+
+
+def test_flights_that_were_lost_on_a_route_may_have_flown_back(counted):
+    along = replace(counted, flights=replace(counted.flights, over="along"))
+
+    assert counted.lost == "1 did not complete"
+    assert along.lost == ("1 did not complete or flew behind their start or back along the route")
+
+
+@pytest.mark.parametrize(("confidence", "fences", "claims"), [(0.7, 2, True), (0.66, 2, False)])
+def test_claims_that_leave_no_confidence_are_refused(counted, confidence, fences, claims):
+    """Three claims spend 0.9 of the probability, or more than all of it."""
+    about = replace(counted.about, confidence=confidence, fences=({},) * fences)
+
+    if claims:
+        assert replace(counted, about=about).confidence == pytest.approx(0.1)
+    else:
+        with pytest.raises(ft.InputError, match="`confidence`"):
+            replace(counted, about=about)
