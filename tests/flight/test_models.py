@@ -60,6 +60,27 @@ def test_gains_on_an_identified_loop_are_those_that_the_rate_limits_can_follow(l
     assert problem.E_star == math.inf
 
 
+@pytest.mark.parametrize(
+    ("stated", "counts"), [(None, 1.4), (1.3, 1.3), (9.0, 0.5 / math.sin(math.radians(17.5)))]
+)
+def test_the_sensitivity_of_tuned_gains_leaves_35_deg_of_phase_at_least(stated, counts):
+    tuning = {"objective": "decay", "sensitivity_max": stated}
+    (problem,) = models.identified_problems(scenario(tuning=tuning))
+
+    assert problem.sensitivity_max == pytest.approx(counts)
+
+
+def test_a_first_error_of_the_path_angle_counts_from_that_of_the_start():
+    climbing = scenario(flight={"V_a_mps": V, "h_m": 1000.0, "gamma_deg": 2.0})
+    (problem,) = models.identified_problems(climbing)
+
+    _, lift = whole_lags()
+    slew = V * math.radians(4.0) / (G * 2.0 * 1.5)
+    late = np.roots([1.0, -lift, -slew]).max()
+    assert problem.K_max[1, 1] == pytest.approx(V / G / late)
+    assert problem.x_0[1] == pytest.approx(math.radians(4.0))
+
+
 def test_a_smaller_largest_gain_counts_and_limits_that_are_not_asked_for_do_not():
     small, free, level = (
         models.identified_problems(x)[0]

@@ -5,7 +5,9 @@ import math
 import pytest
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.flight.conditions import weather_of
+from flighttune.vehicles import navigation_keys, plant_keys, weather_keys
 
 AIRCRAFT = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
 LAW = [{"kind": "kinematic"}]
@@ -69,3 +71,92 @@ def test_the_papers_sinusoid_takes_a_wind_of_seventeen_meters_a_second():
 def test_still_air_is_no_weather():
     assert weather_of(scenario()) is None
     assert weather_of(scenario(LAW, disturbance=PAPERS_SINUSOID)) is None
+
+
+def test_tables_of_errors_and_gusts_are_those_in_si():
+    sensors = weather_keys.SensorsTable(
+        chi_bias_deg=2.0, gamma_bias_deg=-1.0, V_a_bias_mps=0.5, chi_noise_sd_deg=0.3,
+        gamma_noise_sd_deg=0.4, V_a_noise_sd_mps=0.6, noise_time_constant_s=7.0,
+    ).sensors(5)  # fmt: skip
+    fault = {"from_s": 9.0, "course_deg": 90.0, "jump_m": 30.0, "drift_mps": 2.0}
+    navigation = navigation_keys.NavigationTable(grade="poor", fault=fault, inner_loop=True)
+    failed, healthy = navigation.navigation(3), navigation_keys.NavigationTable().navigation(4)
+    gust = weather_keys.GustTable(axis="down", peak_mps=-3.0, start_s=2.0, length_m=50.0).gust(20.0)
+
+    assert sensors.bias == pytest.approx((math.radians(2.0), math.radians(-1.0), 0.5))
+    assert sensors.noise_sd == pytest.approx((math.radians(0.3), math.radians(0.4), 0.6))
+    assert (sensors.time_constant, sensors.seed) == (7.0, 5)
+    assert weather_keys.SensorsTable().sensors(0) == ft.loop.Sensors()
+    of = failed.fault
+    assert (of.start, of.course, of.jump, of.drift) == (9.0, pytest.approx(math.pi / 2), 30.0, 2.0)
+    assert (failed.inner_loop, failed.seed, healthy.fault, healthy.seed) == (True, 3, None, 4)
+    assert not healthy.inner_loop
+    assert (gust.axis, gust.peak, gust.start, gust.rise, gust.hold) == ("down", -3.0, 2.0, 2.5, 0.0)
+    both = weather_keys.TurbulenceTable(
+        severity=5, wind_20ft_mps=12.0, model="milspec"
+    ).turbulence()
+    assert (both.severity, both.wind_20ft, both.model) == (5, 12.0, "milspec")
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: weather_keys.TurbulenceTable(), "`intensity` must be given"),
+        (lambda: weather_keys.TurbulenceTable(severity=3), "`intensity` must be given"),
+        (
+            lambda: weather_keys.TurbulenceTable(intensity="light", severity=3, wind_20ft_mps=1.0),
+            "`intensity` must be given",
+        ),
+        (lambda: weather_keys.WindTable(speed_mps=3.0), "`speed_mps` and `from_deg` must be given"),
+        (
+            lambda: weather_keys.WindTable(down_mps=1.0, level=[{
+                "h_m": 0.0, "speed_mps": 1.0, "from_deg": 0.0,
+            }]),
+            "`down_mps` must be absent where there are levels",
+        ),
+        (
+            lambda: weather_keys.WindTable(level=[
+                {"h_m": 5.0, "speed_mps": 1.0, "from_deg": 0.0} for _ in range(2)
+            ]),
+            r"`level` must rise in h_m, got \[5.0, 5.0\]",
+        ),
+        (
+            lambda: plant_keys.PlantTable(kind="point_mass_lag", roll_lag_rad_s=5.0),
+            "`n_z_lag_rad_s` must be given with kind point_mass_lag",
+        ),
+        (
+            lambda: plant_keys.PlantTable(
+                kind="point_mass_lag", identified="aerosonde", roll_lag_rad_s=5.0
+            ),
+            "`roll_lag_rad_s` must be absent beside `identified`",
+        ),
+        (
+            lambda: plant_keys.PlantTable(
+                kind="jsbsim", aircraft="aerosonde", throttle_max_from_s=3.0
+            ),
+            "`throttle_max` must be given beside `throttle_max_from_s`",
+        ),
+    ],
+)  # fmt: skip
+def test_tables_that_say_too_little_or_too_much_are_refused(made, said):
+    with pytest.raises(ValueError, match=said):
+        made()
+
+
+def test_lags_of_a_plant_are_of_second_order_with_a_damping_and_else_of_first():
+    plant = plant_keys.PlantTable(
+        kind="point_mass_lag", roll_lag_rad_s=5.0, roll_damping=0.6, n_z_lag_rad_s=8.0,
+        n_z_delay_s=0.05, n_x_lag_rad_s=2.0, n_x_delay_s=0.1,
+    )  # fmt: skip
+    roll, lift = plant.lags()
+
+    made = ft.loop.InnerLag
+    assert roll == made(order=2, natural_frequency=5.0, damping=0.6)
+    assert lift == made(order=1, natural_frequency=8.0, delay=0.05)
+    assert plant.thrust_lag() == made(order=1, natural_frequency=2.0, delay=0.1)
+    assert plant_keys.PlantTable(kind="kinematic").lags() is None
+    bare = plant_keys.PlantTable(kind="point_mass_lag", roll_lag_rad_s=5.0, n_z_lag_rad_s=8.0)
+    with pytest.raises(ft.InputError, match="`n_x_lag_rad_s` must be given"):
+        bare.thrust_lag()
+    of_file = plant_keys.PlantTable(kind="point_mass_lag", identified="aerosonde")
+    assert of_file.lags() == ft.loop.load_identified("aerosonde").conditions[0].lags
