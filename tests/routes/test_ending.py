@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.routes.ending_keys import CIRCLES
@@ -106,3 +107,16 @@ def test_a_glide_is_as_long_as_thirty_heights_over_the_ground_of_its_mission():
     # of its start: the route is level, and its leg needs no roll-out before the glide
     assert path.up == pytest.approx(0.0, abs=INTEGRATED)
     assert path.length == pytest.approx(700.0 + 30.0 * 100.0, abs=ONE_POINT)
+
+
+def test_a_flight_that_turns_back_keeps_the_airspeed_of_the_place_where_it_leaves(tmp_path):
+    slower = item(178, 0, 20.0, -1, None, None, None, None, frame=2)
+    places = (47.4, 8.5), (47.41, 8.51), (47.41, 8.55)
+    first, *others = (waypoint(lat, lon, 60) for lat, lon in places)
+    plan = plan_file(tmp_path / "m.plan", first, others[0], slower, others[1])
+    leaving = {"route.ending": {"kind": "turn_back", "at_m": 3000.0}}
+    reference = ft.route(plan, changes=leaving).reference
+
+    assert reference.airspeeds.shape == reference.path.north.shape
+    assert reference.airspeeds[0] == 25.0  # at which the Aerosonde is identified
+    assert reference.airspeeds[3000:] == pytest.approx(20.0)

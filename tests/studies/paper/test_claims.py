@@ -4,6 +4,7 @@ Those that need many flights, or flights of an aircraft, are judged in the repro
 """
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -185,3 +186,13 @@ def test_the_numbers_of_the_paper_are_those_that_it_prints():
     assert (printed.DUFFING_L_D, printed.DUFFING_X_0) == (2.5, (1.5, 0.0))
     assert (printed.AFTERWARDS, printed.OPTIMISATION_DT) == (40.0, 0.1)
     assert printed.DUFFING_ALPHAS == (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
+
+
+def test_the_distance_from_a_claim_is_that_of_the_gain_set_farthest_from_it(study, monkeypatch):
+    # rates of one common P, made larger than R_K by 1, 2, ... per cent, one gain set after another
+    loops = [row.R_K for _, row, _ in claims._stable_loops(study)]
+    rates = iter([SimpleNamespace(R=(1.0 + 0.01 * k) * R_K) for k, R_K in enumerate(loops, 1)])
+    monkeypatch.setattr(claims, "common_Q", lambda _: next(rates))
+
+    assert len(loops) > 1
+    assert claims.eigenvalue_problem(study) == pytest.approx(0.01 * len(loops))
