@@ -94,7 +94,7 @@ def interior_root(
     return None
 
 
-# With the lines of these functions in its loops, pyright takes ten times as long over the search.
+# With these lines in its loops, pyright takes ten times as long over the search.
 def _norm(residual: FloatArray) -> float:
     return float(np.abs(residual).max())
 
@@ -111,7 +111,7 @@ def _first_bound(
 
 
 def _corrected(slopes: FloatArray, residual: FloatArray, moved: FloatArray) -> FloatArray:
-    """The slopes by Broyden's formula, in which a whole step of Newton leaves the residual alone."""
+    """Slopes by Broyden's formula, in which a whole step of Newton leaves the residual alone."""
     return slopes + np.outer(residual, moved) / (moved @ moved)
 
 
