@@ -2,19 +2,27 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from dispersed import campaign_of, uniform
+from flown_campaigns import flown_here
 from made_up import made_up_scenario
 
 import flighttune as ft
+from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.flight.flown import BoundCheck
 from flighttune.studies import meet
 from flighttune.studies.meeting import BY_DEFAULT, Trial
 
 GAINS = ft.PAPER_GAINS
+UNSTABLE = replace(GAINS, K_P=GAINS.K_P - 4.0 * np.eye(2))
+
+LAW, LAG = (
+    {"kind": "kinematic"},
+    {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 4.0},
+)
+BOUND = {"at_most": {"chi": {"MO_deg": 5.0}}}
 
 
 def check(value=0.0, bound=1.0, sense="at_most", subject="chi", measure="MO_deg", **more):
@@ -31,15 +39,14 @@ def trial(*excess, **fields):
     return Trial(**{"gains": GAINS, "excess": rows, "checks": checks, **fields})
 
 
-def search(metric="ITAE", draws=1, success=1.0, **fields):
-    """A search that flies nothing."""
-    made = object.__new__(meet.Search)
-    usual = {
-        "metric": metric, "draws": draws, "_success": success, "wanted": 0.2, "least_R_K": 0.0,
-        "_R_K": {GAINS: 1.0}, "trials": {},
-    }  # fmt: skip
-    made.__dict__.update(usual | fields)
-    return made
+def search(metric="ITAE", draws=1, success=1.0, expect=(BOUND,), kept=None, **scenario):
+    """A search of gains for the law, on draws of the airspeed if there are several."""
+    nominal = made_up_scenario(expect=[*expect], **scenario)
+    dispersed = campaign_of(nominal, uniform("flight.V_a_mps", 20.0, 30.0)) if draws > 1 else None
+    flights = meet.flights_to_meet(nominal, nominal.law_tables[0], dispersed)
+    return meet.Search(
+        [flights], nominal.laws[0], kept, metric=metric, draws=draws, success=success
+    )
 
 
 def test_gains_that_meet_more_rank_first_and_the_metric_decides_among_wide_margins():
@@ -76,7 +83,9 @@ def test_a_margin_is_maximised_further_and_on_draws_no_metric_counts():
 
     assert search("margin").value(wide) == pytest.approx(half)
     assert search(draws=2).value(trial([-0.5], [-0.7], metric=1.0)) == pytest.approx(half)
-    assert search(wanted=0.6).value(wide) == pytest.approx(half)
+    more = search()
+    more.wanted = 0.6
+    assert more.value(wide) == pytest.approx(half)
 
 
 @pytest.mark.parametrize(("success", "excess"), [(1.0, 0.6), (0.75, 0.3), (0.5, -0.2)])
@@ -89,31 +98,37 @@ def test_the_excess_of_draws_is_that_which_the_required_share_does_not_exceed(su
 
 
 def test_gains_that_lose_too_much_of_R_K_miss_a_requirement():
-    """R_K 1 where 1.25 is the least lacks a fifth of it."""
-    lacking = search(least_R_K=1.25)
+    """R_K lacks a fifth of the least."""
+    free, just, lacking = search(), search(), search()
+    just.least_R_K, lacking.least_R_K = free.R_K(GAINS), 1.25 * free.R_K(GAINS)
 
     assert lacking.value(trial([-0.5])) == pytest.approx(1.0 + 0.5 * 0.2 / 1.2)
     assert lacking.value(trial([0.7])) == pytest.approx(2.0 + 0.5 * 0.7 / 1.7)
     assert lacking._excesses(trial([0.7])) == pytest.approx([0.7, 0.2])
-    assert search()._excesses(trial([0.7])).tolist() == [0.7, -meet.LOST]
-    assert search(least_R_K=1.0).value(trial([-0.5], metric=1.0)) == pytest.approx(-1.25)
+    assert free._excesses(trial([0.7])).tolist() == [0.7, -meet.LOST]
+    assert just.value(trial([-0.5], metric=1.0)) == pytest.approx(-1.25)
 
 
 @pytest.mark.parametrize(
     ("stated", "met", "kept"), [({}, True, True), ({}, False, False), ({"R_K": 0.1}, True, False)]
 )
 def test_half_the_R_K_of_a_start_is_kept_that_meets_everything(stated, met, kept):
-    expect = [SimpleNamespace(at_least={}), SimpleNamespace(at_least={"loop": stated})]
-    campaigns = [SimpleNamespace(nominal=SimpleNamespace(expect=expect))]
-    searching = search(campaigns=campaigns, _R_K={GAINS: 0.8})
+    searching = search(expect=[BOUND, {"at_least": {"loop": stated}}])
 
     assert searching.keep_R_K(trial([-0.1 if met else 0.1])) is kept
-    assert searching.least_R_K == (0.4 if kept else 0.0)
+    assert searching.least_R_K == (0.5 * searching.R_K(GAINS) if kept else 0.0)
+
+
+def searched(trials):
+    """A search with these candidates; a gain set that differs stands for each."""
+    searching = search()
+    searching.trials |= {replace(GAINS, K_I=k * GAINS.K_I): x for k, x in enumerate(trials, 1)}
+    return searching
 
 
 def test_the_best_candidate_is_the_first_of_the_smallest_values():
     trials = [trial([0.2]), trial([-0.1]), trial([-0.1]), trial([0.1])]
-    assert search(trials=dict(enumerate(trials))).best() is trials[1]
+    assert searched(trials).best() is trials[1]
 
 
 @pytest.mark.parametrize(
@@ -133,16 +148,15 @@ def test_requirements_that_are_missed_or_just_met_conflict(excess, conflicting):
 def test_trade_offs_are_the_best_values_alone_and_beside_the_others():
     trials = [trial([0.4, 0.1, -0.9]), trial([-0.3, 0.5, -0.9]), trial([0.2, -0.1, -0.9]),
               trial([-0.5, -0.4, 0.3])]  # fmt: skip
-    searching = search(trials=dict(enumerate(trials)))
 
-    first, second = searching.trade_offs(trials[0])
+    first, second = searched(trials).trade_offs(trials[0])
 
     # values are 1 + excess; the last trial misses the third requirement
     assert (first["alone"], first["beside"]) == (0.5, 1.2)
     assert (second["alone"], second["beside"]) == (0.6, 1.5)
     assert first["value"] == 1.4
-    none = search(trials=dict(enumerate(trials[:1])))
-    assert [x["beside"] for x in none.trade_offs(trials[0])] == [None, None]
+    none = searched(trials[:1]).trade_offs(trials[0])
+    assert [x["beside"] for x in none] == [None, None]
 
 
 def test_the_worst_draw_is_by_what_differs_between_draws():
@@ -232,13 +246,6 @@ def test_draws_of_a_grid_are_whole_cycles(draws, whole):
     ]
     campaign = campaign_of(made_up_scenario(), *grid, design="grid")
     assert meet.whole_cycles(campaign, draws) == whole
-
-
-LAW, LAG = (
-    {"kind": "kinematic"},
-    {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 4.0},
-)
-BOUND = {"at_most": {"chi": {"MO_deg": 5.0}}}
 
 
 def test_only_plants_with_requirements_are_flown():
@@ -334,13 +341,12 @@ def test_errors_at_the_end_that_grow_are_worse_from_a_hundredth_of_a_degree_on()
     ("own", "values", "first"),
     [
         # the nearest of those that the scenario flies, though another is nearer
-        (["a", "b"], {"a": 3.0, "b": 2.0, "c": 1.0}, ("b", True)),
-        (["d"], {"a": 3.0, "b": 2.0, "c": 1.0}, ("c", False)),
+        (["paper", "K1"], {"paper": 3.0, "K1": 2.0, "K3": 1.0}, ("K1", True)),
+        (["K2"], {"paper": 3.0, "K1": 2.0, "K3": 1.0}, ("K3", False)),
     ],
 )
 def test_the_start_is_the_nearest_of_the_gains_that_are_flown(own, values, first):
-    scenario = SimpleNamespace(listed_as=lambda name: name, gain_names=own)
-    assert meet._first(scenario, values, lambda value: value) == first
+    assert meet._first(made_up_scenario(gains=own), values, lambda value: value) == first
 
 
 def problem(runs=1000, plants=(LAW, LAG), gains=("paper",), grid=(), **fields):
@@ -389,13 +395,26 @@ def test_a_search_flies_draws_at_random_that_are_not_counted():
     assert plan.runs == 32 * 4
 
 
-@pytest.mark.parametrize(("budget", "enough"), [(129, False), (130, True)])
-def test_a_budget_covers_the_start_and_the_count(budget, enough):
+def test_a_budget_covers_the_start_and_the_count():
+    """An unstable loop is not flown, and its 64 flights are in the budget all the same."""
     searching = problem().search(None, "ITAE")
-    searching.fly = lambda sets: [*sets]
 
-    if enough:
-        assert searching.begin([GAINS], budget, 66) == [GAINS]
-    else:
-        with pytest.raises(ft.InputError, match="`budget` must be at least 130 flights, 64 for"):
-            searching.begin([GAINS], budget, 66)
+    (start,) = searching.begin([UNSTABLE], 130, 66)
+
+    assert not start.met
+    with pytest.raises(ft.InputError, match="`budget` must be at least 130 flights, 64 for"):
+        searching.begin([UNSTABLE], 129, 66)
+
+
+def test_draws_that_are_flown_in_parts_are_those_that_are_flown_at_once():
+    with flown_here() as pool:
+        whole, parts = (
+            search(draws=4, kept=KeptRows(None, {}, pool), flight={"duration_s": 2.0})
+            for _ in range(2)
+        )
+        (at_once,) = whole.fly([GAINS], range(4))
+        first, last = (parts.fly([GAINS], draws)[0] for draws in (range(3), range(3, 4)))
+
+    assert first.excess.tolist() == at_once.excess[:3].tolist()
+    assert last.excess.tolist() == at_once.excess.tolist()
+    assert parts.flights == whole.flights == 4
