@@ -485,9 +485,19 @@ def test_the_healthy_flights_are_too_few_if_none_left_and_their_bound_exceeds_th
     assert not hours().too_few
 
 
-def test_the_largest_term_is_that_of_a_fault_or_of_healthy_flight():
-    assert hours(0, 200).largest == 0
-    assert hours(200, 0).largest is None
+@pytest.mark.parametrize(
+    ("claim", "largest", "said"),
+    [
+        (hours(0, 200), 0, "1 s: 200 of 300 flights left, none was ended (`ended_s`)."),
+        (hours(200, 0), None, "healthy flight: 200 of 300 flights left the volume."),
+        (hours(0, 0), None, "none of 300 left the volume; more flights would lower it."),
+    ],
+)
+def test_what_matters_most_is_the_largest_term_of_a_fault_or_of_healthy_flight(
+    claim, largest, said
+):
+    assert claim.largest == largest
+    assert said in claim.answer().summary[-1]
 
 
 @pytest.mark.parametrize(

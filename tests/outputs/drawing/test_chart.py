@@ -1,17 +1,20 @@
 """Charts: where values stand, what a page reads back from them, and names that meet nothing."""
 
 import re
+from itertools import combinations
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from flighttune.outputs.drawing import chart as charts
-from flighttune.outputs.drawing.chart import Chart, Sheet, ticks
+from flighttune.outputs.drawing.chart import Chart, Sheet, evenly, peaks, ticks
 
 BLUE, RUST = "#1F78B4", "#B15928"
 TENTH = 0.051
 """Coordinates are written in tenths of a pixel."""
+
+SIX_DIGITS = 1e-4
+"""Ends of axes are written in six digits, of which their difference loses up to two."""
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -19,6 +22,28 @@ SVG = "{http://www.w3.org/2000/svg}"
 def drawn(chart):
     """The chart as a tree; HTML needs no namespace, XML does."""
     return ElementTree.fromstring(chart.svg().replace("<svg ", f'<svg xmlns="{SVG[1:-1]}" ', 1))
+
+
+def axes_of(chart):
+    """Ends of both axes, and width and height of the plot in pixels, as a page reads them."""
+    return [float(value) for value in drawn(chart).get("data-axes").split()]
+
+
+LETTER, LINE = 5.5, 11.0
+"""Width of a letter and height of a line of text, pixels, or a little less."""
+
+
+def box_of(text):
+    x, y = float(text.get("x")), float(text.get("y"))
+    return x, y - LINE, x + LETTER * len(text.text), y
+
+
+def apart(boxes):
+    """Whether no two boxes share a place."""
+    return all(
+        a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+        for a, b in combinations(boxes, 2)
+    )
 
 
 def points(path):
@@ -32,9 +57,8 @@ def test_values_come_back_from_pixels_as_a_page_reads_them():
     chart = Chart(title="decay", y="norm", log="y")
     chart.line(x, y, BLUE, run="kinematic / paper")
 
-    root = drawn(chart)
-    x0, x1, y0, y1, width, height = (float(v) for v in root.get("data-axes").split())
-    (path,) = (one for one in root.iter(f"{SVG}path") if one.get("data-name"))
+    x0, x1, y0, y1, width, height = axes_of(chart)
+    (path,) = (one for one in drawn(chart).iter(f"{SVG}path") if one.get("data-name"))
     px, py = points(path.get("d")).T
 
     assert path.get("data-name") == path.get("data-run") == "kinematic / paper"
@@ -96,15 +120,11 @@ def test_names_of_points_cover_neither_points_nor_each_other():
     chart.label_points(where)
 
     named = [one for one in drawn(chart).iter(f"{SVG}text") if one.get("class") == "named"]
-    boxes = [
-        (float(one.get("x")), float(one.get("y")) - 10.0, 5.5 * len(one.text)) for one in named
-    ]
+    boxes = [box_of(one) for one in named]
 
     assert [one.text for one in named] == [name for _, _, name in where]
-    for i, (x, y, wide) in enumerate(boxes):
-        assert 0.0 <= x
-        for u, v, other in boxes[:i]:
-            assert x + wide <= u or u + other <= x or y + 11.0 <= v or v + 11.0 <= y
+    assert min(left for left, *_ in boxes) >= 0.0
+    assert apart(boxes)
 
 
 def test_words_are_text_and_not_markup():
@@ -183,7 +203,7 @@ def test_an_axis_has_a_twentieth_of_room_around_its_data(log, values, ends):
     assert chart.y_ends() == pytest.approx(ends)
 
 
-def test_the_room_of_an_x_axis_is_asked_for():
+def test_an_x_axis_has_the_room_that_its_chart_states():
     charts = [Chart(title="", x_room=room) for room in (0.0, 0.1)]
     for chart in charts:
         chart.line([2.0, 4.0], [0.0, 1.0], BLUE)
@@ -196,21 +216,21 @@ def test_equal_scales_have_room_for_both_extents_about_their_middles(extent):
     chart = Chart(title="", equal=True)
     chart.line([0.0, extent[0]], [0.0, extent[1]], BLUE)
 
-    x, y = chart.x_ends(), chart.y_ends()
+    low_x, high_x, low_y, high_y, width, height = axes_of(chart)
 
-    # 392 x 192 pixels: 460 and 236 without the margins of 58, 10, 8 and 36
-    assert (x[1] - x[0]) / 392.0 == pytest.approx((y[1] - y[0]) / 192.0)
-    assert (sum(x), sum(y)) == pytest.approx(extent)
-    # data of the longer axis with its twentieth fill it but for 4 %
-    longer = max(extent[0] / (x[1] - x[0]), 1.1 * extent[1] / (y[1] - y[0]))
-    assert longer == pytest.approx(1.0 / 1.04, rel=1e-6)
+    assert (high_x - low_x) / width == pytest.approx((high_y - low_y) / height, rel=SIX_DIGITS)
+    assert (low_x + high_x, low_y + high_y) == pytest.approx(extent, rel=SIX_DIGITS)
+    assert high_x > extent[0]
+    assert high_y > extent[1]
+    # the longer one fills most of its axis
+    assert max(extent[0] / (high_x - low_x), extent[1] / (high_y - low_y)) > 0.85
 
 
 UNIT = {"x_range": (0.0, 10.0), "y_range": (0.0, 5.0)}
 
 
 def pixels(x, y, numbers=1):
-    """Where values of `UNIT` are drawn, right and down, as sums of written `numbers`."""
+    """Place of values of `UNIT` in a plot of 392 x 192 pixels, as sums of written `numbers`."""
     return pytest.approx((39.2 * x, 192.0 - 38.4 * y), abs=numbers * TENTH)
 
 
@@ -234,7 +254,7 @@ def test_bars_stand_at_their_places_between_their_ends():
     assert alone.x_ends() == (-0.5, 1.5)
 
 
-def test_lines_across_and_spans_are_where_they_are_asked_for():
+def test_levels_uprights_and_spans_stand_at_their_values():
     chart = Chart(title="", **UNIT)
     chart.level(2.0, RUST)
     chart.upright(3.0)
@@ -272,51 +292,55 @@ def test_a_chart_that_grows_downwards_begins_at_the_top():
     assert (float(dot.get("cx")), float(dot.get("cy"))) == pixels(2.0, 4.0)
 
 
-def test_names_of_a_legend_go_on_in_the_next_row():
-    """Each takes 42 pixels and 6.7 a letter; of 300 pixels 8 stay free at both sides."""
-    names = [(f"{letter * 10}", BLUE, "") for letter in "abcd"]
+def test_names_of_a_legend_go_on_in_the_next_row_where_a_row_is_full():
+    names = [letter * 20 for letter in "abcdef"]
+    sheet = Sheet(charts=[Chart(title="a")], columns=1, legend=[(x, BLUE, "") for x in names])
 
-    text, height = charts._legend(names, 300.0, 24.0)
+    root = ElementTree.fromstring(sheet.svg())
 
-    found = re.findall(r'translate\(([\d.]+) ([\d.]+)\).*?x="([\d.]+)" y="([\d.]+)"', text)
-    lefts, ups, names_left, names_up = np.array(found, dtype=float).T
-    assert height == 30.0
-    assert lefts == pytest.approx([8.0, 117.0, 8.0, 117.0])
-    assert ups == pytest.approx([24.0, 24.0, 39.0, 39.0])
-    assert (names_left - lefts, names_up - ups) == (
-        pytest.approx([28.0] * 4),
-        pytest.approx([4.0] * 4),
-    )
-    assert charts._legend([], 300.0, 24.0) == ("", 0.0)
+    boxes = [box_of(x) for x in root.iter(f"{SVG}text") if x.text in names]
+    assert len(boxes) == len(names)
+    assert apart(boxes)
+    assert max(right for _, _, right, _ in boxes) <= float(root.get("viewBox").split()[2])
+    rows = [top for _, top, *_ in boxes]
+    assert rows == sorted(rows)
+    assert 1 < len({*rows}) < len(names)
 
 
-def test_charts_of_a_sheet_stand_in_rows_below_their_titles_and_names():
-    sizes = {"a": 100, "b": 150, "c": 90}
+def test_charts_of_a_sheet_leave_room_for_each_other_and_for_their_titles():
+    sizes = {"a": 100.0, "b": 150.0, "c": 90.0}
     panels = [Chart(title=title, height=tall) for title, tall in sizes.items()]
     panels[1].line([0.0, 1.0], [0.0, 1.0], BLUE, name="error")
 
-    root = ElementTree.fromstring(Sheet(charts=panels, title="All").svg())
+    def placed(**options):
+        root = ElementTree.fromstring(Sheet(charts=panels, **options).svg())
+        shown = [x for x in root.iter(f"{SVG}svg") if x.get("class") == "chart"]
+        places = [[float(x.get(key)) for key in ("x", "y", "width", "height")] for x in shown]
+        assert [tall for *_, tall in places] == [*sizes.values()]
+        boxes = [(x, y, x + wide, y + tall) for x, y, wide, tall in places]
+        _, _, wide, tall = (float(x) for x in root.get("viewBox").split())
+        assert max(right for _, _, right, _ in boxes) <= wide
+        assert max(bottom for *_, bottom in boxes) <= tall
+        return boxes
 
-    # below the title 26; titles of charts 18, one row of names 15; 8 between rows
-    places = [
-        tuple(float(one.get(key)) for key in ("x", "y", "width", "height"))
-        for one in root.iter(f"{SVG}svg")
-        if one.get("class") == "chart"
-    ]
-    second = 26 + 33 + 150 + 8
-    assert places == [
-        (0.0, 59.0, 460.0, 100.0), (460.0, 59.0, 460.0, 150.0), (0.0, second + 18, 460.0, 90.0),
-    ]  # fmt: skip
-    assert root.get("viewBox") == f"0 0 920 {second + 18 + 90 + 8}"
+    first, second, third = placed(title="All")
+
+    # the first two stand side by side, and the third begins the next row
+    assert apart([first, second, third])
+    assert first[1] == second[1] >= 2 * LINE
+    assert (third[0], third[1] >= second[3] + LINE) == (first[0], True)
+    # a title and a legend of the sheet move its charts down
+    assert placed()[0][1] <= first[1] - LINE
+    assert placed(title="All", legend=[("shared", BLUE, "")])[0][1] >= first[1] + LINE
 
 
 def test_drawn_samples_are_all_or_evenly_spaced():
-    assert charts.evenly(3).tolist() == [0, 1, 2]
-    assert charts.evenly(10, most=4).tolist() == [0, 3, 6, 9]
-    assert charts.peaks(np.arange(7.0), most=7).tolist() == [*range(7)]
+    assert evenly(3).tolist() == [0, 1, 2]
+    assert evenly(10, most=4).tolist() == [0, 3, 6, 9]
+    assert peaks(np.arange(7.0), most=7).tolist() == [*range(7)]
     # smallest and largest of each stretch of 5, with a gap of one of them
     values = np.array([3.0, 9, 1, 2, 2, 5, 5, np.nan, 7, 4, 6, 6, 6, 0, 8])
-    assert charts.peaks(values, most=6).tolist() == [0, 1, 2, 7, 8, 9, 13, 14]
+    assert peaks(values, most=6).tolist() == [0, 1, 2, 7, 8, 9, 13, 14]
 
 
 def test_a_band_is_a_closed_line_along_one_edge_and_back_along_the_other():
@@ -344,65 +368,61 @@ def test_texts_stand_at_their_points_and_names_of_rows_at_the_left_edge():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("x", "left"),
-    # a name of ten letters is 67 pixels wide, 9 to the right of its point or else to its left
-    [(5.0, 196.0 + 9.0), (8.0, 313.6 + 9.0), (8.1, 317.52 - 9.0 - 67.0)],
-)
-def test_the_name_of_a_point_stands_to_its_right_where_there_is_room(x, left):
+@pytest.mark.parametrize(("x", "right"), [(5.0, True), (9.5, False)])
+def test_the_name_of_a_point_stands_to_its_right_where_there_is_room(x, right):
     chart = Chart(title="", **UNIT)
     chart.label_points([(x, 2.5, "abcdefghij")])
 
     (name,) = elements(chart, "text")
-    assert float(name.get("x")) == pytest.approx(left, abs=TENTH)
-    assert float(name.get("y")) == pytest.approx(96.0 - 6.0 + 10.0)
+    left, *_, end, _ = box_of(name)
+    assert left > 39.2 * x if right else end < 39.2 * x
     assert elements(chart, "path") == []
 
 
-def test_names_of_points_in_one_place_go_around_it_and_then_away_with_a_line():
+def test_a_name_that_stands_away_from_its_point_has_a_line_to_it():
     chart = Chart(title="", **UNIT)
     chart.label_points([(5.0, 2.5, "abcde")] * 6)
 
-    found = [(float(x.get("x")), float(x.get("y"))) for x in elements(chart, "text")]
-    right, left, middle = 205.0, 196.0 - 9.0 - 33.5, 196.0 - 16.75
-    # 12 pixels high: right, left, above and below; then to both sides 40 above, as 24 above and 12
-    # below they would meet the names above and below
-    expected = [(right, 100), (left, 100), (middle, 84), (middle, 115), (right, 66), (left, 66)]
-    assert found == [pytest.approx(place, abs=TENTH) for place in expected]
+    boxes = [box_of(x) for x in elements(chart, "text")]
+    assert len(boxes) == 6
+    assert apart(boxes)
+    far = [box for box in boxes if not box[1] - 2.0 * LINE < 96.0 < box[3] + 2.0 * LINE]
     lines = [x.get("d") for x in drawn(chart).iter(f"{SVG}path") if "L" in x.get("d")]
-    assert lines == ["M196.0,96.0L205.0,62.0", "M196.0,96.0L187.0,62.0"]
+    assert len(lines) == len(far) > 0
+    assert all(line.startswith("M196.0,96.0L") for line in lines)
 
 
-def test_labels_stand_beside_their_axes_and_a_page_knows_the_axes_that_it_may_not_label():
-    """The plot begins at (58, 8) and has 392 x 192 pixels."""
-    two_lines = [(5.0, "five\nand half")]
-    chart = Chart(title="", x="t [s]", x_ticks=two_lines, y_ticks=[(2.5, "mid")], **UNIT)
+def test_labels_stand_at_their_values_outside_of_the_plot():
+    chart = Chart(
+        title="", x="t [s]", x_ticks=[(5.0, "five\nand half")], y_ticks=[(2.5, "mid")], **UNIT
+    )
 
     texts = {x.text: (float(x.get("x")), float(x.get("y"))) for x in drawn(chart) if x.get("x")}
-    texts.pop(None, None)
 
-    assert texts == {
-        "mid": (52.0, 108.0), "five": (254.0, 215.0), "and half": (254.0, 227.0),
-        "t [s]": (254.0, 232.0),
-    }  # fmt: skip
-    for ticks_of, fixed in (({"x_ticks": two_lines}, "x"), ({"y_ticks": []}, "y"), ({}, "")):
-        assert drawn(Chart(title="", **ticks_of, **UNIT)).get("data-fixed") == fixed
-    for low, log in ((0.0, ""), (0.1, "x")):
-        linear = Chart(title="", log="x", x_range=(low, 10.0), y_range=(0.0, 5.0))
-        assert drawn(linear).get("data-log") == log
+    (plot,) = (x for x in drawn(chart).iter(f"{SVG}svg") if x.get("class") == "plot")
+    left, top = float(plot.get("x")), float(plot.get("y"))
+    assert texts["mid"][0] < left
+    assert texts["mid"][1] == pytest.approx(top + 96.0, abs=0.5 * LINE)
+    below = [texts[name] for name in ("five", "and half", "t [s]")]
+    assert [x for x, _ in below] == [left + 196.0] * 3
+    heights = [y for _, y in below]
+    assert heights == sorted(heights)
+    assert heights[0] - LINE > top + 192.0
 
 
-def test_a_shared_legend_stands_above_the_charts():
-    def top_of(**more):
-        svg = Sheet(charts=[Chart(title="a")], columns=1, **more).svg()
-        root = ElementTree.fromstring(svg)
-        (chart,) = [x for x in root.iter(f"{SVG}svg") if x.get("class") == "chart"]
-        return float(chart.get("y")), root
+@pytest.mark.parametrize(
+    ("options", "fixed", "log"),
+    [
+        ({"x_ticks": [(5.0, "five")]}, "x", ""),
+        ({"y_ticks": []}, "y", ""),
+        ({}, "", ""),
+        ({"log": "x", "x_range": (0.1, 10.0)}, "", "x"),
+        ({"log": "x"}, "", ""),  # from zero on
+    ],
+)
+def test_a_page_knows_the_axes_that_are_logarithmic_or_have_labels_of_their_own(
+    options, fixed, log
+):
+    root = drawn(Chart(title="", **(UNIT | options)))
 
-    # 18 for the title of the chart; 26 for that of the sheet; a row of 15 with 10 below it
-    assert top_of()[0] == 18.0
-    assert top_of(title="T")[0] == 18.0 + 26.0
-    top, root = top_of(title="T", legend=[("name", BLUE, "")])
-    assert top == 18.0 + 26.0 + 25.0
-    (name,) = [x for x in root.iter(f"{SVG}text") if x.text == "name"]
-    assert (float(name.get("x")), float(name.get("y"))) == (36.0, 26.0 + 12.0 + 4.0)
+    assert (root.get("data-fixed"), root.get("data-log")) == (fixed, log)
