@@ -12,7 +12,7 @@ from scipy.signal import dimpulse, dlti
 
 import flighttune as ft
 from flighttune.claims.tubes.tube import stated_problem
-from flighttune.studies.worst import _other, _slopes
+from flighttune.studies import worst
 
 SMALL = 1e-4
 """Disturbance (rad/s) under which the loop is linear to 1e-3: angles stay below 3e-4 rad."""
@@ -135,8 +135,9 @@ def test_slopes_of_errors_that_are_sums_of_signs_are_their_weights():
         return 0.3 + each
 
     targets, pushed = np.array([4, 12]), (0, 1)
-    others = [_other(about, block, channel) for block in blocks for channel in (0, 1)]
-    slopes = _slopes(about, blocks, [flown(x) for x in (about, *others)], targets, pushed)
+    others = [worst._other(about, block, channel) for block in blocks for channel in (0, 1)]
+    errors = [flown(x) for x in (about, *others)]
+    slopes = worst._slopes(about, blocks, errors, targets, pushed)
 
     for slope, (target, error) in zip(slopes, product(targets, pushed), strict=True):
         assert slope[0] == pytest.approx(weight[0, :, target, error])
@@ -144,3 +145,8 @@ def test_slopes_of_errors_that_are_sums_of_signs_are_their_weights():
         for channel in (0, 1):
             each = np.interp(np.arange(1, 13), (2.5, 6.5, 10.5), weight[1:, channel, target, error])
             assert slope[1:, channel] == pytest.approx(each)
+    (alone, _) = worst._slopes(about, blocks, errors, targets, (1,))
+    assert alone == pytest.approx(slopes[1])
+    # a flight that ended early has no slope
+    lost = worst._slopes(about, blocks, [*errors[:-1], None], targets, pushed)[0]
+    assert lost[-1] == pytest.approx([slopes[0][-1, 0], 0.0])

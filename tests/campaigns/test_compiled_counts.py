@@ -1,13 +1,14 @@
 """Who flew: answers and files count compiled flights, those flown again, and reasons of others."""
 
 import json
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
 import pytest
 from commands import flighttune
 from flown_campaigns import aircraft_with, plan
+from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.campaigns.dataset import compiled_of
@@ -172,10 +173,8 @@ def test_counts_of_compiled_flights_add_up_and_say_the_commonest_reasons():
 
 @pytest.mark.parametrize("again", [True, False])
 def test_a_flight_is_compiled_and_perhaps_flown_again_or_of_jsbsim_for_a_reason(again):
-    runs = [
-        SimpleNamespace(compiled=x, why_jsbsim=why)
-        for x, why in ((True, ""), (False, "w"), (False, ""))
-    ]
+    run = made_up_run({"h": [0.0]}, [0.0])
+    runs = replace(run, compiled=True), replace(run, why_jsbsim="w"), run
 
     compiled, refused, plain = (CompiledFlights.of(run, again=again) for run in runs)
 

@@ -283,14 +283,11 @@ def test_the_reach_of_flights_in_a_tube_is_that_of_all_and_one_channel_can_be_ma
     assert (stated.worst["run"], stated.worst["value"], stated.flights) == (1, 0.7, 6)
 
 
-BLOCKS = [np.array([0]), np.array([1, 2, 3]), np.array([4, 5, 6])]
-
-
 def test_a_block_takes_its_rarer_sign():
     signs = np.array([[1.0, -1.0], [1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [1.0, 1.0], [-1.0, 1.0],
                       [-1.0, 1.0]])  # fmt: skip
 
-    first, second = (worst_module._other(signs, BLOCKS[1], channel) for channel in (0, 1))
+    first, second = (worst_module._other(signs, np.arange(1, 4), channel) for channel in (0, 1))
 
     assert first[:, 0].tolist() == [1.0, -1.0, -1.0, -1.0, 1.0, -1.0, -1.0]
     assert first[:, 1].tolist() == signs[:, 1].tolist()
@@ -298,37 +295,6 @@ def test_a_block_takes_its_rarer_sign():
     # as many of both: down
     even = worst_module._other(signs, np.array([4, 5]), 0)
     assert even[4:6, 0].tolist() == [-1.0, -1.0]
-
-
-def test_slopes_of_errors_that_are_linear_in_the_signs_are_their_factors():
-    rng = np.random.default_rng(4)
-    start, later = rng.normal(size=(2, 2, 2))  # of each channel, for each error
-    about = np.ones((7, 2))
-    about[BLOCKS[1]] = -1.0
-
-    def errors(signs):
-        pushed = signs[0] @ start + signs[1:].sum(axis=0) @ later
-        return np.outer(np.arange(1.0, 8.0), pushed)
-
-    others = [worst_module._other(about, block, channel) for block in BLOCKS for channel in (0, 1)]
-    flown = [errors(x) for x in (about, *others)]
-    targets = np.array([2, 6])
-
-    found = worst_module._slopes(about, BLOCKS, flown, targets, (0, 1))
-
-    expected = [
-        (1.0 + t) * np.vstack([start[:, error], np.tile(later[:, error], (6, 1))])
-        for t in targets for error in (0, 1)
-    ]  # fmt: skip
-    assert len(found) == 4
-    for slope, own in zip(found, expected, strict=True):
-        assert slope == pytest.approx(own)
-    (alone, _) = worst_module._slopes(about, BLOCKS, flown, targets, (1,))
-    assert alone == pytest.approx(expected[1])
-    # a flight that ended early has no slope
-    lost = worst_module._slopes(about, BLOCKS, [*flown[:5], None, flown[6]], targets, (0,))
-    assert lost[0][0] == pytest.approx(expected[0][0])
-    assert lost[0][4:, 0] == pytest.approx(np.interp([4, 5, 6], [2, 5], [expected[0][1, 0], 0.0]))
 
 
 def test_signs_are_deviations_of_the_start_and_switches_of_the_disturbance():

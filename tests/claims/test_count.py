@@ -111,7 +111,7 @@ def test_a_forgery_that_doubles_epsilon_is_found_with_95_percent(epsilon, again)
     assert count.chance_missed(5, 10, 6) == 0.0
 
 
-@pytest.mark.parametrize(("epsilon", "confidence"), [(0.05, 0.95), (0.3, 0.9)])
+@pytest.mark.parametrize(("epsilon", "confidence"), [(0.01, 0.95), (0.05, 0.95), (0.3, 0.9)])
 def test_evidence_is_the_integral_of_likelihood_ratios(epsilon, confidence):
     for outside, flights in ((0, 12), (2, 40), (9, 30)):
 
@@ -202,17 +202,6 @@ def test_looks_are_a_dozen_flights_apart_and_later_an_eighth():
     assert count.looks(100) == [*dozens[:-1], 100]
     assert count.looks(121) == [*dozens, 121]
     assert count.looks(140) == [*dozens, 121, 136, 140]
-
-
-@pytest.mark.parametrize("epsilon", [0.01, 0.2])
-def test_evidence_for_more_is_of_at_most_twenty_times_epsilon(epsilon):
-    def ratio(q):
-        return (q / epsilon) ** 2 * ((1.0 - q) / (1.0 - epsilon)) ** 38
-
-    top = min(1.0, 20.0 * epsilon)
-    above = quad(ratio, epsilon, top)[0] / (top - epsilon)
-
-    assert np.exp(count.log_evidence(2, 40, epsilon)[1]) == pytest.approx(above, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """What counts of all kinds have in common: whose flights they are of, and what they spend."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -155,18 +154,13 @@ def test_a_counted_monitor_watches_by_its_middle_and_its_scaled_limits():
     assert (monitor.outside, monitor.not_completed) == (5, 1)
 
 
-@pytest.mark.parametrize(
-    ("allowed", "draws"), [(-1, [11, 13, 15]), (0, [11, 13, 15]), (1, [11, 12, 13, 15])]
-)
-def test_a_count_is_decided_by_the_flights_nearest_to_leaving_and_the_next_two(allowed, draws):
-    near = np.array([0.1, 0.9, 0.5, 0.7, 0.3, 0.8])
-    count = SimpleNamespace(allowed=allowed, nearness=[near], draws=np.arange(10, 16))
+def test_a_count_is_decided_by_the_flights_nearest_to_leaving_and_two_more(counted):
+    """Of 259 with five outside the sixth is one too many, or sets the scale."""
+    order = np.random.default_rng(2).permutation(FLIGHTS)
+    shuffled = replace(counted, extremes=counted.extremes[order])
 
-    assert counting.deciding(count) == draws
-    # of a fence too: the farthest inside of one claim may decide another
-    both = SimpleNamespace(**{**vars(count), "nearness": [near, -near]})
-    assert counting.deciding(both) == sorted({*draws, *{-1: [10, 12, 14], 0: [10, 12, 14],
-                                                        1: [10, 12, 13, 14]}[allowed]})  # fmt: skip
+    nearest = np.flatnonzero(order >= FLIGHTS - (5 + 1 + 2))
+    assert counting.deciding(shuffled) == (LEARNED + nearest).tolist()
 
 
 def test_a_count_is_written_after_250_flights_and_each_eighth_more():

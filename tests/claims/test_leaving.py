@@ -1,13 +1,12 @@
 """When made-up flights leave a box, are ended, and come down: times and distances by hand."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
-from flighttune.claims import hourly_flights, leaving, rates_keys
+from flighttune.claims import leaving, rates_keys
 from flighttune.gaps.watch import SignalModel
 
 RATE, V, G = 50.0, 25.0, 9.81
@@ -47,16 +46,8 @@ def flight(seconds=6.0, status="completed", climb=0.0, **columns):
 
 def probe(volume=WIDE, how="cut", after_s=None, alarms=None, lead_s=0.0, **ending):
     """The probe of flights that are ended so, a time after a fault at 1.5 s."""
-    table = rates_keys.EndingTable.model_construct(
-        kind=how,
-        **{
-            "fall_per_height": None,
-            "sink_mps": None,
-            "opens_s": None,
-            "after_alarm_s": 0.0,
-            **ending,
-        },
-    )
+    monitor = {} if alarms is None else {"monitor": "made_up.npz"}
+    table = rates_keys.EndingTable(kind=how, **monitor, **ending)
     return leaving.Leaving(
         volume=volume, ending=table, how=how, after_s=after_s, alarms=alarms, lead_s=lead_s
     )
@@ -234,122 +225,3 @@ def test_a_volume_keeps_flights_in_and_out_of_its_areas_and_between_its_heights(
         [25.0, 50.0, 20.0], [-10.0, 20.0, 50.0], [-30.0, -10.0, 80.0], [10.0, 75.0, -5.0]
     ]))  # fmt: skip
     assert np.isinf(WIDE.margins(np.zeros((1, 3)))[0, 1:]).all()
-
-
-def term(**fields):
-    usual = {
-        "fault": 0,
-        "ended_s": 1.0,
-        "left_s": (-1.0, 0.0, 3.0, 5.0),
-        "end_s": (9.0,) * 4,
-        "ended_at_s": (0.0, -1.0, 2.0, 3.0),
-    }
-    return hourly_flights.FlownTerm(**{**usual, **fields})
-
-
-def test_flights_of_a_term_are_counted_from_their_times():
-    """A time of 0 s is one; -1 is none."""
-    more = term().with_flights(
-        [leaving.Left(-1.0, 8.0, 5.0, 70.0), leaving.Left(4.0, 7.0, -1.0, -1.0)]
-    )
-
-    assert (term().count.outside, term().count.flights, term().ended) == (3, 4, 3)
-    assert (more.count.outside, len(more), more.ended) == (4, 6, 4)
-    assert more.left_s == (-1.0, 0.0, 3.0, 5.0, -1.0, 4.0)
-    assert more.end_s == (*(9.0,) * 4, 8.0, 7.0)
-    assert more.ended_at_s == (0.0, -1.0, 2.0, 3.0, 5.0, -1.0)
-    with pytest.raises(hourly_flights.InputError, match="three times of each"):
-        term(end_s=(9.0,))
-
-
-@pytest.mark.parametrize(
-    ("how", "again"),
-    [("cut", [0, 3, 4]), ("glide", [0, 3, 4]), ("circle", [0, 3, 4]), ("parachute", [])],
-)
-def test_flights_that_are_inside_when_they_are_ended_fly_their_ending(how, again):
-    flown = {
-        0: leaving.Left(NEVER, 9.0, 5.0, 100.0),
-        1: leaving.Left(NEVER, 9.0, NEVER, NEVER),  # not ended
-        2: leaving.Left(4.0, 9.0, 5.0, 100.0),  # left before
-        3: leaving.Left(6.0, 9.0, 5.0, 100.0),
-        4: leaving.Left(5.0, 9.0, 5.0, 100.0),
-        5: leaving.Left(0.0, 9.0, 5.0, 100.0),
-    }
-    flights = hourly_flights.TermFlights(plan=None, leaving=probe(how=how, after_s=1.0))
-
-    assert flights._to_end(flown) == again
-    at, place = {hourly_flights.ENDED_S: 5.0}, {hourly_flights.ENDED_AT_M: 100.0}
-    assert flights._ending(flown[0]) == {
-        "cut": at, "glide": {**at, **place}, "circle": place, "parachute": {},
-    }[how]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("how", "after_s", "alarms", "known"),
-    [("cut", 1.0, None, True), ("cut", None, None, False), ("glide", 1.0, None, False),
-     ("cut", 1.0, watching(), False)],
-)  # fmt: skip
-def test_only_a_cut_a_time_after_the_fault_is_known_before_the_flight(how, after_s, alarms, known):
-    flights = hourly_flights.TermFlights(
-        plan=None, leaving=probe(how=how, after_s=after_s, alarms=alarms)
-    )
-
-    assert flights._known_before is known
-
-
-class Pool:
-    """Flights whose ends are made up by run and draw; some get lost a few times."""
-
-    def __init__(self, ends, lost=()):
-        self.ends, self.lost, self.calls = ends, [*lost], []
-        self.progress = SimpleNamespace(budget=10)
-
-    def rows(self, plan, runs, *, doing, probes, draws):
-        self.calls.append((doing, [*runs], draws))
-        for run in runs:
-            if run in self.lost:
-                self.lost.remove(run)
-                yield {"run": run}
-            else:
-                yield {"run": run, "left": self.ends(run, draws)}
-
-
-def plan_of(**more):
-    """Draws of which the fault of run n begins at n s."""
-    plan = SimpleNamespace(keys=(hourly_flights.OF_AIRFRAME,), runs=0, **more)
-    plan.values_of = lambda run: {hourly_flights.OF_AIRFRAME: float(run)}
-    plan.with_runs = lambda runs: setattr(plan, "runs", runs) or plan
-    return plan
-
-
-def test_a_cut_is_flown_once_with_its_time_after_the_fault():
-    pool = Pool(lambda run, draws: [NEVER, 9.0, draws[run][hourly_flights.ENDED_S], NEVER], [3])
-    flights = hourly_flights.TermFlights(plan=plan_of(), leaving=probe(how="cut", after_s=2.0))
-
-    flown = flights.flown(pool, [1, 3], "counting")
-
-    # the flight that got lost is flown once more
-    assert [x.ended_s for x in flown] == [3.0, 5.0]
-    assert [runs for _, runs, _ in pool.calls] == [[1, 3], [3]]
-    assert pool.progress.budget == 10
-
-
-def test_flights_that_are_inside_at_their_ending_fly_again_to_their_end():
-    def ends(run, draws):
-        if draws is None:  # run 2 leaves before it would be ended
-            return [1.5 if run == 2 else NEVER, 9.0, run + 2.0, 100.0 * run]
-        return [NEVER, 50.0, run + 2.0, draws[run][hourly_flights.ENDED_AT_M]]
-
-    pool = Pool(ends, [4, 4])
-    flights = hourly_flights.TermFlights(plan=plan_of(), leaving=probe(how="circle", after_s=2.0))
-
-    flown = flights.flown(pool, [1, 2, 3, 4], "counting")
-
-    assert [(x.left_s, x.end_s, x.at_m) for x in flown] == [
-        (NEVER, 50.0, 100.0), (1.5, 9.0, 200.0), (NEVER, 50.0, 300.0), (0.0, 0.0, NEVER)
-    ]  # fmt: skip
-    assert [(doing, runs) for doing, runs, _ in pool.calls] == [
-        ("counting", [1, 2, 3, 4]), ("counting", [4]), ("counting: their ends", [1, 3]),
-        ("counting: their ends", []),
-    ]  # fmt: skip
-    assert pool.progress.budget == 12

@@ -71,8 +71,3 @@ def test_flights_of_a_claim_per_hour_are_those_of_the_page():
     assert f"{first:g}, {second:g}, ... {last:g} s" in page
     assert f"{100 * per_hour.SHORTER:g} % quantile" in page
     assert f"({100 * per_hour.SHORTER_BY_ALARMS:g} % with a monitor)" in page
-
-
-def test_times_of_ending_rise_from_half_a_second_in_round_numbers():
-    assert list(per_hour.LATER_S) == sorted(per_hour.LATER_S)
-    assert all(float(f"{x:.1g}") == x or x in (1.5, 15.0) for x in per_hour.LATER_S)
