@@ -26,9 +26,8 @@ from flighttune.claims import counting
 from flighttune.control.laws.autopilot import Autopilot, guidance
 from flighttune.control.margins import Margins
 from flighttune.logs.parameters import flown_now
-from flighttune.outputs.answers.retuned import constraints, sentence, told
+from flighttune.outputs.answers import retuned
 from flighttune.studies import retune
-from flighttune.studies.retune import Candidate, Constraint, Range, Search
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
@@ -55,7 +54,7 @@ def plan():
 def search(plan):
     with WorkerPool(Fliers(workers=1)) as pool:
         law = Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0})
-        yield Search(plan, law, KeptRows(None, {}, pool), draws=1)
+        yield retune.Search(plan, law, KeptRows(None, {}, pool), draws=1)
 
 
 def guided_by(search, **parameters):
@@ -98,7 +97,8 @@ def against(rows, margins=(SAFE, SAFE), way_back=0.5, same=False):
     laws = [Autopilot(name="x", parameters={"NPFG_PERIOD": p}) for p in (10.0, 10.0 if same else 7)]
     start, best = (
         retune.with_flights(
-            Candidate(law=law, margins=margins, way_back=way_back), rows[rows["gains"] == name]
+            retune.Candidate(law=law, margins=margins, way_back=way_back),
+            rows[rows["gains"] == name],
         )
         for law, name in zip(laws, ("yours", "tuned"), strict=True)
     )
@@ -182,7 +182,7 @@ def test_what_is_larger_in_the_table_is_in_the_first_line(file, plan):
     rows["chi.peak_rad"] = rows["gamma.peak_rad"] = np.nan
     rows["plant"] = "jsbsim:aerosonde"
 
-    first = sentence(retuned_of(rows, file, plan.with_runs(93)))
+    first = retuned.sentence(retuned_of(rows, file, plan.with_runs(93)))
 
     assert first.endswith(
         "These errors in the table below are larger with them: airspeed 1.5 | 1.8 m/s."
@@ -193,7 +193,7 @@ def retuned_of(rows, file, plan):
     """The answer of a count of these rows on a plan."""
     laws = [Autopilot(name="x", parameters={"NPFG_PERIOD": p}) for p in (10.0, 7.0)]
     start, best = (
-        retune.with_flights(Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), of)
+        retune.with_flights(retune.Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), of)
         for law, (_, of) in zip(laws, sorted(rows.groupby("gains"), reverse=True), strict=True)
     )
     return retune.Retuned(
@@ -211,13 +211,15 @@ def test_the_answer_says_what_its_flights_tell_and_what_they_do_not(file, plan):
     assert (1 - 0.0500) ** 93 + 93 * 0.0500 * (1 - 0.0500) ** 92 == pytest.approx(0.05, abs=2e-3)
 
     counted = retuned_of(rows, file, plan.with_runs(93))
-    words = told(counted)
+    words = retuned.told(counted)
     assert counted.aircraft == "jsbsim:aerosonde"
 
     assert "Of 70 candidates on 6 draws 4 flew on 12 others, and the best of these on 93 " in words
     assert f"at most 5 % | {100.0 * none:.2g} % of all flights are lost" in words
     assert "sure if one is better in 57 of them" in words
-    assert "No difference is sure in so few" in told(retuned_of(rows, file, plan.with_runs(5)))
+    assert "No difference is sure in so few" in retuned.told(
+        retuned_of(rows, file, plan.with_runs(5))
+    )
 
 
 @pytest.mark.parametrize("period", guidance())
@@ -226,7 +228,7 @@ def test_every_place_of_a_search_is_within_the_published_range(period):
     published = {name: (low, high) for name, _, _, _, low, high in table["parameters"]}
     for name in table["searched"]:
         low, high = published[name]
-        searched = Range(name, low, min(high, 20.0))
+        searched = retune.Range(name, low, min(high, 20.0))
         values = [searched.at(x) for x in np.linspace(0.0, 1.0, 101)]
         assert min(values) == pytest.approx(low)
         assert all(low <= value <= high for value in values)
@@ -246,7 +248,7 @@ def test_every_place_of_a_search_is_within_the_published_range(period):
     ],
 )
 def test_places_are_of_equal_ratios_or_of_squares_from_zero(low, high, place, value):
-    searched = Range("NPFG_PERIOD", low, high)
+    searched = retune.Range("NPFG_PERIOD", low, high)
 
     assert searched.at(place) == value
     assert searched.place(value) == pytest.approx(place, abs=1e-3)
@@ -264,13 +266,13 @@ def test_places_are_of_equal_ratios_or_of_squares_from_zero(low, high, place, va
 )
 def test_margins_are_held_against_6_db_and_35_deg(margins, held):
     roll, lift = replace(SAFE, **margins), replace(SAFE, phase_margin=math.radians(70.0))
-    candidate = Candidate(law=law_of(9.0), margins=(roll, lift), way_back=0.25)
+    candidate = retune.Candidate(law=law_of(9.0), margins=(roll, lift), way_back=0.25)
 
     used = candidate.held
 
-    assert used[Constraint("gain margin", "roll")] == pytest.approx(6.0 / held)
-    assert used[Constraint("phase margin", "lift")] == pytest.approx(0.5)
-    assert used[Constraint("roll", "the way back to the track")] == 0.25
+    assert used[retune.Constraint("gain margin", "roll")] == pytest.approx(6.0 / held)
+    assert used[retune.Constraint("phase margin", "lift")] == pytest.approx(0.5)
+    assert used[retune.Constraint("roll", "the way back to the track")] == 0.25
     assert candidate.allowed is (held >= 6.0)
     assert not replace(candidate, way_back=1.01).allowed
     assert replace(candidate, margins=(SAFE, SAFE), way_back=1.0).allowed
@@ -296,14 +298,19 @@ def test_bounds_rank_before_lost_aircraft_these_before_requirements_and_rates():
     assert values[3] == pytest.approx(1e6)
     gain = 6.0 / (20.0 * math.log10(1.9))
     assert values[4] == pytest.approx(1e9 * gain)
-    assert search.used(faster)[Constraint("rate", "the commanded roll")] == pytest.approx(1.25)
+    assert search.used(faster)[retune.Constraint("rate", "the commanded roll")] == pytest.approx(
+        1.25
+    )
 
 
 def test_a_result_at_the_end_of_a_range_or_near_a_bound_is_held_by_it():
     """Ends of the range are a hundredth of it, bounds a twentieth."""
     errors = {10.0: GOOD, 7.0: growing(1.0, 1.0)}
     final = made_up(errors)
-    ends = [Range("NPFG_PERIOD", low, high) for low, high in ((7.0, 20.0), (2.0, 7.0), (2.0, 20.0))]
+    ends = [
+        retune.Range("NPFG_PERIOD", low, high)
+        for low, high in ((7.0, 20.0), (2.0, 7.0), (2.0, 20.0))
+    ]
 
     held = [[str(x) for x in retune._held_by(final, final, [end])] for end in ends]
 
@@ -338,14 +345,14 @@ def test_an_error_that_is_none_with_both_bounds_nothing(file):
     exact = flight(1.0, 2.0, 0.0, 4.0, airspeed=0.0)
     rows = rows_of([exact] * 3, [exact] * 3)
     law = flown_now(file).law
-    start = retune.with_flights(Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), rows)
+    start = retune.with_flights(retune.Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5), rows)
     searching = MadeUpFlights(start)
     assert np.nanmax(searching.growth(start)) == pytest.approx(0.0, abs=1e-12)
     assert searching.value(start) == pytest.approx(1.0)
     assert not [x for x in searching.used(start) if x.of == "airspeed"]
 
 
-class MadeUpFlights(Search):
+class MadeUpFlights(retune.Search):
     """Candidates whose flights are made up, each with a name for its period."""
 
     def __init__(self, start, errors=None):
@@ -360,7 +367,7 @@ class MadeUpFlights(Search):
 def candidate_of(kept, law):
     """A candidate whose six flights all have these errors and rates."""
     rows = rows_of([kept] * 6, [kept] * 6)
-    candidate = Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5)
+    candidate = retune.Candidate(law=law, margins=(SAFE, SAFE), way_back=0.5)
     return retune.with_flights(candidate, rows[rows["gains"] == "yours"])
 
 
@@ -452,17 +459,17 @@ def test_no_more_candidates_are_flown_again_than_stated():
 
 def test_what_holds_a_search_is_said_in_one_phrase():
     held = [
-        Constraint("gain margin", "lift"),
-        *(Constraint("mean error", x) for x in ("cross track", "airspeed")),
-        Constraint("largest error", "course"),
-        *(Constraint("range", x) for x in ("NPFG_PERIOD", "FW_T_ALT_TC", "FW_T_PTCH_DAMP")),
+        retune.Constraint("gain margin", "lift"),
+        *(retune.Constraint("mean error", x) for x in ("cross track", "airspeed")),
+        retune.Constraint("largest error", "course"),
+        *(retune.Constraint("range", x) for x in ("NPFG_PERIOD", "FW_T_ALT_TC", "FW_T_PTCH_DAMP")),
     ]
-    assert constraints(held) == (
+    assert retuned.constraints(held) == (
         "the gain margin of lift, the mean errors of cross track and airspeed, the largest error "
         "of course, and the ranges of NPFG_PERIOD, FW_T_ALT_TC and FW_T_PTCH_DAMP"
     )
-    assert constraints(held[:1]) == "the gain margin of lift"
-    assert constraints([]) == ""
+    assert retuned.constraints(held[:1]) == "the gain margin of lift"
+    assert retuned.constraints([]) == ""
 
 
 class SearchedError(Exception):
@@ -508,7 +515,7 @@ def test_margins_of_a_candidate_are_those_of_a_frequency_response(search):
 
     candidate = guided_by(search, NPFG_PERIOD=8.0, NPFG_DAMPING=0.8)
 
-    assert candidate.held[Constraint("phase margin", "roll")] == pytest.approx(
+    assert candidate.held[retune.Constraint("phase margin", "roll")] == pytest.approx(
         35.0 / phase, rel=0.01
     )
 
@@ -599,7 +606,7 @@ def flying(stop_after, flown):
     return pool
 
 
-class MadeUpSearch(Search):
+class MadeUpSearch(retune.Search):
     """Candidates cost what their period is away from 14 s, and do not fly."""
 
     def __init__(self, law):
@@ -620,7 +627,9 @@ def test_a_search_flies_what_its_budget_allows_and_comes_closer():
     law = Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7})
     search = MadeUpSearch(law)
 
-    search.descend([Range("NPFG_PERIOD", 1.0, 100.0), Range("NPFG_DAMPING", 0.1, 1.0)], 1000)
+    search.descend(
+        [retune.Range("NPFG_PERIOD", 1.0, 100.0), retune.Range("NPFG_DAMPING", 0.1, 1.0)], 1000
+    )
 
     generation = retune.POPULATION * search.draws
     assert 1000 - generation < search.flights <= 1000

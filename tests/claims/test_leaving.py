@@ -208,10 +208,6 @@ def test_a_monitor_is_silent_within_its_limits_and_where_it_cannot_judge():
     assert watching().first(made_up_run({"h": t}, t)) == math.inf
 
 
-def test_a_fault_begins_where_its_scenario_says():
-    assert leaving.fault_time(FAULTY) == 1.5
-
-
 def test_a_volume_keeps_flights_in_and_out_of_its_areas_and_between_its_heights():
     inner = tuple((0.5 * n, 0.5 * e) for n, e in CORNERS)
     volume = leaving.Volume(rings=(CORNERS, inner), outside=(False, True), low=-20.0, high=HIGH)

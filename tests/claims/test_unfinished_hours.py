@@ -12,9 +12,7 @@ from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.claims import counting, per_hour
-from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights
-from flighttune.claims.leaving import NEVER, Left, Volume
+from flighttune.claims import counting, hourly_flights, leaving, per_hour
 from flighttune.claims.rates_keys import RatesTable
 from flighttune.claims.unfinished_hours import KeptTerms
 
@@ -87,7 +85,7 @@ class MadeUp:
         late = after is not None and after > 2.5
         times = np.random.default_rng(runs).uniform(20.0, 24.0, (len(runs), 2)).tolist()
         return [
-            Left(left if late and run % 3 == 0 else NEVER, end, NEVER, 0.0)
+            leaving.Left(left if late and run % 3 == 0 else leaving.NEVER, end, leaving.NEVER, 0.0)
             for run, (left, end) in zip(runs, times, strict=True)
         ]
 
@@ -166,11 +164,11 @@ def test_a_killed_search_of_the_latest_time_goes_on_and_is_the_same_to_the_bit(
 
     def counted(name):
         made_up = MadeUp(file)
-        monkeypatch.setattr(TermFlights, "flown", lambda *args: made_up(*args))
+        monkeypatch.setattr(hourly_flights.TermFlights, "flown", lambda *args: made_up(*args))
         hourly = per_hour.count_per_hour(
             plan,
             RatesTable.model_validate(stated),
-            Volume(rings=(), outside=(), low=None, high=None),
+            leaving.Volume(rings=(), outside=(), low=None, high=None),
             confidence=0.95,
             unfinished=file,
             fliers=Fliers(workers=1),
@@ -195,17 +193,19 @@ def test_a_killed_search_of_the_latest_time_goes_on_and_is_the_same_to_the_bit(
 def test_flights_of_another_count_are_not_gone_on_with(tmp_path, other):
     stated = ft.flights("circuit_in_wind").knowing(None)
     plan = counting.drawn(stated)
-    volume = Volume(
+    volume = leaving.Volume(
         rings=(((0.0, 0.0), (0.0, 9.0), (9.0, 9.0)),), outside=(False,), low=None, high=9.0
     )
 
     def ends(**more):
         rates = RatesTable.model_validate({**tomllib.loads(RATES), **more})
-        return Ends(plan=plan, rates=rates, volume=volume, alarms=None)
+        return hourly_flights.Ends(plan=plan, rates=rates, volume=volume, alarms=None)
 
     file, seen = tmp_path / "hours.json", Seen()
     healthy = {"fault": None, "ended_s": None}
-    term = FlownTerm(**healthy, left_s=(-1.0, 4.0), end_s=(9.0, 4.0), ended_at_s=(-1.0, -1.0))
+    term = hourly_flights.FlownTerm(
+        **healthy, left_s=(-1.0, 4.0), end_s=(9.0, 4.0), ended_at_s=(-1.0, -1.0)
+    )
     KeptTerms(ends(), file, seen).keep(term)
     assert KeptTerms(ends(), file, seen).begun(**healthy) == term
     assert seen.said == [f"{file}: 2 flights are counted already."]

@@ -12,8 +12,7 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.flight.flown import BoundCheck
-from flighttune.studies import meet
-from flighttune.studies.meeting import BY_DEFAULT, Trial
+from flighttune.studies import meet, meeting
 
 GAINS = ft.PAPER_GAINS
 UNSTABLE = replace(GAINS, K_P=GAINS.K_P - 4.0 * np.eye(2))
@@ -36,7 +35,7 @@ def trial(*excess, **fields):
     """A trial with these excesses, a row for each draw."""
     rows = np.atleast_2d(np.array(excess, dtype=float))
     checks = tuple(tuple(check(1.0 + x) for x in row) for row in rows)
-    return Trial(**{"gains": GAINS, "excess": rows, "checks": checks, **fields})
+    return meeting.Trial(**{"gains": GAINS, "excess": rows, "checks": checks, **fields})
 
 
 def search(metric="ITAE", draws=1, success=1.0, expect=(BOUND,), kept=None, **scenario):
@@ -288,7 +287,7 @@ def test_margins_are_required_where_the_scenario_states_none(stated, left):
 
 
 def test_margins_that_are_required_by_default_are_known_by_their_run():
-    checks = ((check(), check(run=f"a: {BY_DEFAULT}"), check(run=BY_DEFAULT)),)
+    checks = ((check(), check(run=f"a: {meeting.BY_DEFAULT}"), check(run=meeting.BY_DEFAULT)),)
     assert trial([0.0, 0.0, 0.0], checks=checks).default.tolist() == [False, True, True]
 
 
