@@ -59,21 +59,23 @@ def test_the_share_is_epsilon_squared_of_kruskal_and_wallis(flown):
     assert share == pytest.approx((H - 2) / (800 - 3), abs=ROUNDING)
 
 
+def correlation_of_residuals(values, others, measure):
+    """Correlation of what a regression of ranks on others leaves of values and measure."""
+    ranks = stats.rankdata(values), stats.rankdata(measure)
+    left = [y - others @ np.linalg.lstsq(others, y)[0] for y in ranks]
+    return pytest.approx(stats.pearsonr(*left).statistic, abs=1e-7)
+
+
 def test_partial_correlations_are_those_of_the_residuals(flown):
     table, measure = flown
     numbers = table[["speed", "bias", "nothing"]]
 
     found = findings.influences(numbers, measure)
 
-    ranks = numbers.rank()
     for name in numbers:
-        others = np.column_stack([np.ones(800), ranks.drop(columns=name)])
-        left = [
-            y - others @ np.linalg.lstsq(others, y)[0]
-            for y in (ranks[name], stats.rankdata(measure))
-        ]
-        expected = stats.pearsonr(*left).statistic
-        assert of(found, name)["partial"] == pytest.approx(expected, abs=1e-7)
+        others = np.column_stack([np.ones(800), numbers.rank().drop(columns=name)])
+        expected = correlation_of_residuals(numbers[name], others, measure)
+        assert of(found, name)["partial"] == expected
 
 
 def test_parameters_drawn_together_stay_in_their_order():
@@ -203,7 +205,6 @@ def test_classes_have_five_flights_and_are_ten_at_most(values, sizes):
     classes = findings.classes_of(pd.Series(np.random.default_rng(2).permutation(values)))
 
     assert np.bincount(classes).tolist() == sizes
-    assert np.bincount(findings.classes_of(pd.Series(values.astype(str)))).sum() == len(values)
     assert len(set(findings.classes_of(pd.Series(values.astype(str))))) == len(set(values))
 
 
@@ -228,11 +229,7 @@ def test_partial_correlations_are_with_categories_fixed_and_of_no_collinear_numb
 
     kinds = np.column_stack([table["kind"] == x for x in ("calm", "gusty", "rough")])
     others = np.column_stack([kinds, table["bias"].rank()]).astype(float)
-    left = [
-        y - others @ np.linalg.lstsq(others, y)[0]
-        for y in (table["speed"].rank(), stats.rankdata(measure))
-    ]
-    assert found["partial"] == pytest.approx(stats.pearsonr(*left).statistic, abs=1e-7)
+    assert found["partial"] == correlation_of_residuals(table["speed"], others, measure)
     assert math.isnan(of(findings.influences(some, measure), "kind")["partial"])
     twice = findings.influences(some.assign(double=2.0 * some["speed"]), measure)
     assert math.isnan(of(twice, "bias")["partial"])

@@ -220,7 +220,7 @@ def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(flown)
 
 @pytest.mark.parametrize(("met", "answer"), [(60, "yes"), (30, "no"), (54, "")])
 def test_each_group_has_its_answer_about_the_share_that_is_required(plan, met, answer):
-    """Of 60 with 0.9: 0.9^-60 / 2 exceeds 2 / 0.05, half the flights are far below, 54 are it."""
+    """The evidence of 60 successes, 0.9^-60 / 2, exceeds 2 / 0.05; 54 of 60 are the share."""
     campaign = plan.campaign.model_copy(update={"until_sure": 0.9})
     required = replace(plan, campaign=campaign)
     rows = made_up_rows(plan)

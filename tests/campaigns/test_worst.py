@@ -240,7 +240,7 @@ def test_the_region_has_all_but_a_thousandth_of_a_normal_distribution(dimension,
 
 
 def test_draws_are_at_the_shares_of_their_normal_scores():
-    """Uniform from -40 to 40 and -10 to 10 deg; 1 exceeds 84.134 % of a normal distribution."""
+    """A score of 1 exceeds 84.134 % of a normal distribution; both keys are uniform."""
     seen = []
 
     def rows(plan, runs, draws, **options):

@@ -194,7 +194,7 @@ def test_too_few_flights_are_refused_with_two_digits_of_what_the_confidence_leav
 
 
 def test_looks_are_a_dozen_flights_apart_and_later_an_eighth():
-    """12, 24, ... 96, then 108 // 8 = 13 more; the last is the number of draws."""
+    """From 108 on they are 108 // 8 = 13 flights apart; the last is after all draws."""
     dozens = [*range(12, 109, 12)]
 
     assert count.looks(5) == [5]
@@ -208,7 +208,7 @@ def test_looks_are_a_dozen_flights_apart_and_later_an_eighth():
     ("outside", "flights", "epsilon", "early"), [(0, 9, 0.1, 4), (3, 9, 0.3, 7)]
 )
 def test_chances_of_one_and_two_steps_are_sums_over_all_outcomes(outside, flights, epsilon, early):
-    """Wrong if at most so many are outside, or none of the first, each outcome once."""
+    """A claim is wrong if at most so many are outside, or none of the first."""
     outcomes = (np.arange(2**flights)[:, None] >> np.arange(flights)) & 1
     k = outcomes.sum(axis=1)
     weights = epsilon**k * (1.0 - epsilon) ** (flights - k)

@@ -118,18 +118,18 @@ WIND = {"wind_north": np.full(151, 3.0), "wind_east": np.full(151, -4.0)}
         # 200 m above the ground and its speed, times the distance of a fall per height
         ("cut", {"fall_per_height": FALL}, "left_envelope", {}, FAR),
         ("turn_back", {"fall_per_height": FALL}, "diverged", {}, FAR),
-        # thrust off, and in the air where its time ended
+        # a glide that is still in the air at the end of its record falls from there
         ("glide", {"fall_per_height": FALL}, "completed", {}, FAR),
         ("glide", {"fall_per_height": FALL}, "ground_contact", {}, 0.0),
         ("cut", {"fall_per_height": FALL}, "completed", {}, 0.0),
         ("circle", {}, "ground_contact", {}, 0.0),
-        # nothing is declared
+        # without a declared fall it has left where its model ends
         ("cut", {}, "left_envelope", {}, 1e4),
         ("turn_back", {}, "left_envelope", {}, 1e4),
         # 0.4 s until it is open, then 5 m/s of wind while it sinks 200 m at 40 m/s
         ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "completed", WIND, 10.0 + 25.0),
         ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "ground_contact", WIND, 10.0 + 25.0),
-        # the fall of others is not its own
+        # a parachute does not fall as flights with other endings do
         ("parachute", {"sink_mps": 40.0, "opens_s": 0.0, "fall_per_height": FALL}, "completed",
          WIND, 25.0),
     ],
@@ -156,7 +156,7 @@ def test_a_flight_of_few_samples_is_looked_at_in_each():
     assert probe(BOX)(run, slow)[0] == 4.25
 
 
-# ended before the last sample, and at it
+# Flights are ended before their last sample, and at it.
 @pytest.mark.parametrize("after_s", [0.5, 1.5])
 @pytest.mark.parametrize(("room", "inside"), [(RISE + 0.1, True), (RISE - 0.1, False)])
 def test_a_fall_stays_under_the_top_if_all_speed_becomes_height(room, inside, after_s):

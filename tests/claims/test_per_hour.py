@@ -328,7 +328,7 @@ def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hol
 
 
 def test_a_flight_of_a_claim_lasts_three_times_its_time_in_still_air_and_is_drawn_anew():
-    """300 m at 25 m/s: 12 s."""
+    """The route of 300 m takes 12 s at 25 m/s."""
     plan = short_plan()
     hourly = hourly_flights.hourly_plan(plan)
     changes = {**SHORT, "flight.duration_s": 20.0}
@@ -444,7 +444,7 @@ def test_a_cut_that_no_alarm_advances_is_flown_once_with_its_time(fault, from_s)
     ],
 )
 def test_flights_that_are_inside_at_their_ending_fly_again_as_they_end(how, alarms, stated):
-    """But for a parachute, whose descent follows from the state."""
+    """A parachute is the exception: its descent follows from the state."""
     first = {
         0: Left(NEVER, 9.0, 5.0, 100.0),
         1: Left(NEVER, 9.0, NEVER, NEVER),  # not ended
@@ -484,7 +484,7 @@ def test_flights_that_are_inside_at_their_ending_fly_again_as_they_end(how, alar
 
 
 def test_flights_of_a_term_are_counted_from_their_times():
-    """A time of 0 s is one; -1 is none."""
+    """A flight with a time of 0 s is counted, one with -1 is not."""
     some = hourly_flights.FlownTerm(
         fault=0, ended_s=1.0, left_s=(-1.0, 0.0, 3.0, 5.0), end_s=(9.0,) * 4,
         ended_at_s=(0.0, -1.0, 2.0, 3.0),
@@ -508,7 +508,7 @@ def test_an_exact_position_has_no_receiver_that_fails():
 
 
 def counted(left, fault=None, ended_s=None):
-    """300 flights of 100 s, of which so many leave."""
+    """The flights of a term: 300 of 100 s, of which so many leave."""
     inside = (-1.0,) * 300
     times = {"end_s": (100.0,) * 300, "ended_at_s": inside}
     return hourly_flights.FlownTerm(
@@ -529,7 +529,7 @@ def hours(healthy=0, faulty=0, target=None, later=(), **fault):
 
 
 def test_the_bound_of_a_claim_is_that_of_its_counts():
-    """Clopper and Pearson at 0.1 / 4; three of 300 flights may be shorter than 100 s."""
+    """Bounds are by Clopper and Pearson at 0.1 / 4; three of 300 flights may be below 100 s."""
 
     def upper(k, n=300, alpha=0.1 / 4):
         return stats.beta.ppf(1.0 - alpha, k + 1, n - k)

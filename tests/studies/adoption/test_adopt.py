@@ -663,13 +663,13 @@ def test_load_factors_stay_below_the_lift_and_within_the_envelope():
 @pytest.mark.parametrize(
     ("aileron", "damping", "share", "gentle", "rate_dps", "roll"),
     [
-        # full aileron finally rolls at 200 x 20 deg / 40, of which 0.4 are more than 30 deg/s
+        # full aileron rolls steadily at 200 x 20 deg / 40; 0.4 of it exceed the limit, 30 deg/s
         (200.0, 40.0, 1.0, 1.0, 30.0, 4.0),
         (200.0, 40.0, 0.5, 1.0, 30.0, 2.0),
         (200.0, 40.0, 1.0, 0.4, 12.0, 4.0),
-        # 0.4 x 50 x 20 deg / 40
+        # two fifths of the steady rate, 50 x 20 deg / 40
         (50.0, 40.0, 1.0, 1.0, 10.0, 4.0),
-        # a start with 0.8 of the aileron: 0.8 x 8 x 20 deg / 30 deg/s - 2
+        # the roll begins with 0.8 of the aileron: 0.8 x 8 x 20 deg / 30 deg/s - 2
         (8.0, 2.0, 1.0, 1.0, 30.0, 0.8 * 8.0 * 20.0 / 30.0 - 2.0),
         # damping is at least 0.1: 0.8 x 0.2 x 20 / 16 deg/s - 0.1
         (0.2, 0.0, 1.0, 1.0, 16.0, 0.5),
@@ -723,7 +723,7 @@ def test_load_factors_are_those_of_aeroplanes(V_a, more_lift, n_z):
 
 
 def test_an_airspeed_at_which_no_turn_is_possible_is_refused():
-    """1.3^2 times the weight; 1.5 / 0.85 are needed."""
+    """The wings lift 1.3^2 times the weight, and a turn needs 1.5 / 0.85."""
     found, model = made_up()
     with pytest.raises(Refusal, match=r"at 26 m/s it lifts 1\.69 .* a turn needs 1\.76"):
         adopt.final_tables(found._replace(V_a=26.0), model, 1000.0, 1.0)

@@ -129,7 +129,7 @@ def test_travel_is_what_the_position_shows_with_the_sense_of_its_effect(name, si
 
 
 def test_a_command_that_is_clipped_has_the_travel_that_is_used():
-    """Half of the command to the left: -0.175 rad of -0.35."""
+    """To the left the surface stops at half of the command, -0.175 rad."""
 
     def clipped(x):
         return max(x, -0.5)
