@@ -12,12 +12,10 @@ from scipy.integrate import quad
 import flighttune as ft
 from flighttune.control.tuning import shaped
 from flighttune.control.tuning.shaped import GustLoop
-from flighttune.vehicles.plants.weather import turbulence_scales
 
 SAME, BETTER = 1e-6, 1e-2
 FOUR_DIGITS = 2e-4
 OMEGA = np.geomspace(1e-2, 1e3, 4000)
-FT = 0.3048
 
 
 def scenario(law="exact", **tuning):
@@ -163,16 +161,6 @@ def test_no_bound_leaves_less_phase_than_meet_requires(objective, feedback):
 
     assert min(row["phase_margin_deg"] for row in margins) >= 35.0
     assert min(row["gain_increase"] for row in margins) >= 10.0 ** (6.0 / 20.0)
-
-
-@pytest.mark.parametrize("h_ft", [500.0, 1500.0, 3000.0])
-def test_scales_of_gusts_are_those_of_the_standard(h_ft):
-    across, down = {
-        500.0: (500.0 / (0.177 + 0.000823 * 500.0) ** 1.2, 500.0),
-        1500.0: (1375.0, 1375.0),
-        3000.0: (1750.0, 1750.0),
-    }[h_ft]
-    assert turbulence_scales(h_ft * FT) == pytest.approx((across * FT, down * FT))
 
 
 def test_the_named_gains_are_those_of_the_exact_law_alone():

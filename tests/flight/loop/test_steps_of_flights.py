@@ -1,7 +1,6 @@
 """Steps of compiled flights in plain Python: winds, changes and the envelope, by hand."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,13 +16,18 @@ ROUNDING = 1e-12
 
 
 def motion(**changes):
-    """What the steps read of a flight: four signals, then what stands behind them."""
-    of = {
-        "signals": 4, "shown": np.zeros(8), "rate": RATE, "ground": GROUND,
-        "levels": np.array(LEVELS), "swing": np.array(SWING), "wind": np.zeros(7),
-        "parameters": np.zeros(5), "wind_places": (4, 0, 2),
-    }  # fmt: skip
-    return SimpleNamespace(**of | changes)
+    """A flight of four signals in wind that changes with height and time."""
+    none = np.zeros(0)
+    of = batch.Motion(
+        states=np.zeros(3), parameters=np.zeros(5), shown=np.zeros(8), signals=4, further=0,
+        commands=(), steps=4, between=4, low=none, high=none, weight=1.0, floor=-math.inf,
+        ceiling=math.inf, stream=np.zeros((3, 0)), random=np.zeros(1, dtype=np.int64),
+        errors=none, error_places=(), change_at=np.zeros(0, dtype=np.int64),
+        change_place=np.zeros(0, dtype=np.int64), change_to=none,
+        changed=np.zeros(1, dtype=np.int64), levels=np.array(LEVELS), swing=np.array(SWING),
+        wind_places=(4, 0, 2), wind=np.zeros(7), ground=GROUND, rate=RATE,
+    )  # fmt: skip
+    return of._replace(**changes)
 
 
 @pytest.mark.parametrize("swing", [SWING, []])
@@ -65,10 +69,9 @@ def test_the_wind_of_a_step_lies_between_those_of_every_fourth_at_the_height_to_
 
 
 def test_changes_are_made_once_before_the_step_they_are_due_at():
-    flight = SimpleNamespace(
+    flight = motion(
         change_at=np.array([0, 3, 3, 8]), change_place=np.array([1, -2, 0, 2]),
-        change_to=np.array([5.0, 6.0, 7.0, 8.0]), changed=np.zeros(1, dtype=np.int64),
-        parameters=np.zeros(3), states=np.zeros(3),
+        change_to=np.array([5.0, 6.0, 7.0, 8.0]), parameters=np.zeros(3),
     )  # fmt: skip
     made = []
 
@@ -113,16 +116,14 @@ def test_steps_go_as_far_as_the_next_change_or_are_one_each_in_wind_that_changes
     """A step is told how many to make and whether it shows what the flight is judged by."""
 
     def pieces(n, clock=0, **changes):
-        told = []
+        told, drawn = [], []
 
         def step(states, parameters, some, stream, shown, show):
             told.append((some, show))
 
-        none = {"levels": [], "change_at": np.array([5, 7]), "change_place": np.array([0, 0])}
-        none |= {"change_to": np.zeros(2), "changed": np.zeros(1, dtype=np.int64)}
-        none |= {"states": np.zeros(1), "stream": np.zeros((3, 0)), "errors": []}
-        flight = motion(**none | {"random": np.zeros(1)} | changes)
-        drawn = []
+        changing = {"change_at": np.array([5, 7]), "change_place": np.zeros(2, dtype=np.int64)}
+        changing |= {"change_to": np.zeros(2), "levels": np.zeros((0, 4))}
+        flight = motion(**changing | changes)
         compiled._advance(step, lambda _, count, __: drawn.append(count), flight, clock, n)
         return told, drawn
 

@@ -71,6 +71,8 @@ OPERATORS = {
 GAIN = "<gain>2.5</gain>"
 SIGNED = "<domain><min>-0.4</min><max>0.3</max></domain><range><min>-10</min><max>25</max></range>"
 CLIPPED = "<clipto><min>-0.1</min><max>0.15</max></clipto>"
+CROSSED = "<clipto><min>0.2</min><max>-0.1</max></clipto>"
+FROM_ZERO = "<clipto><min>0</min><max>0.15</max></clipto>"
 TURNING = '<clipto type="cyclic"><min>-0.1</min><max>0.15</max></clipto>'
 DETENTS = "".join(
     f"<setting><position>{place}</position><time>{time}</time></setting>"
@@ -82,6 +84,7 @@ TEST = """<test logic="AND" value="0.75"> attitude/phi-rad gt 0.05
 
 COMPONENTS = {
     "summer": f"{ROLL}<input>-attitude/phi-rad</input><bias>0.01</bias>{CLIPPED}",
+    "summer with crossed bounds": f"{ROLL}{CROSSED}",
     "pure_gain": f"{ROLL}{GAIN}",
     "pure_gain by a property": f"{ROLL}<gain>velocities/vt-fps</gain>{TURNING}",
     "scheduled_gain": f"{ROLL}{GAIN}{table(LINE, *PLACES[:1])}",
@@ -90,12 +93,16 @@ COMPONENTS = {
     "sensor": f"{ROLL}<lag>20</lag><gain>1.5</gain><bias>0.1</bias><delay>0.02</delay>",
     "sensor of steps": f"{ROLL}<quantization><bits>5</bits><min>-1</min><max>1</max>"
     "</quantization>",
+    "sensor of no bits": f"{ROLL}<quantization><bits>0</bits><min>-1</min><max>1</max>"
+    "</quantization>",
     "deadband": f"{ROLL}<width>0.2</width>{GAIN}",
     "actuator": f"{ROLL}<lag>20</lag><rate_limit>0.3</rate_limit><bias>0.01</bias>{CLIPPED}",
     "actuator of two rates": f'{ROLL}<rate_limit sense="incr">0.4</rate_limit>'
     '<rate_limit sense="decr">0.2</rate_limit><deadband_width>0.1</deadband_width>',
     "actuator with play": f"{ROLL}<hysteresis_width>0.1</hysteresis_width><delay>0.03</delay>",
+    "actuator from zero": f"{ROLL}{FROM_ZERO}",
     "integrator": f'{ROLL}<c1 type="trap">0.7</c1>',
+    "integrator by default": f"{ROLL}<c1>0.7</c1>",
     "kinematic": f"<input>test/summer</input><traverse>{DETENTS}</traverse>",
     "kinematic without scale": "<input>test/summer</input><noscale/>"
     f"<traverse>{DETENTS}</traverse>",
@@ -150,7 +157,8 @@ SYSTEM = "".join(
         f'<summer name="test/at-times">{ROLL}</summer></channel></system>',
     )
 )
-OTHERS = ("test/chosen", "test/every-third", "test/at-times")
+STOPS = ("test/actuator/saturated", "test/actuator-from-zero/saturated")
+OTHERS = ("test/chosen", "test/every-third", "test/at-times", *STOPS)
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,10 @@
 """Parts that few models have, in plain numbers: what they compute, and what only JSBSim flies."""
 
-import math
-from types import SimpleNamespace
 from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flighttune.vehicles.compiled import (
     aerodynamics,
@@ -201,21 +200,9 @@ def test_a_function_that_is_not_known_is_left_to_jsbsim(text, said):
         functions.hidden_function(state(), fromstring(text))
 
 
-@pytest.mark.parametrize(("x", "y"), [(-9.0, 1.0), (0.0, 1.0), (1.0, 3.0), (2.0, 5.0), (9.0, -1.0)])
-def test_an_interpolation_is_linear_between_its_points(x, y):
-    points = "".join(f"<value>{v}</value>" for v in (0.0, 1.0, 2.0, 5.0, 5.0, -1.0))
-    text = f"<function><interpolate1d><p>a</p>{points}</interpolate1d></function>"
-
-    assert functions.hidden_function(state({"a": x}), fromstring(text)) == pytest.approx(y)
-
-
 @pytest.mark.parametrize(("x", "whole"), [(0.5, 1.0), (-0.5, -1.0), (1.49, 1.0), (-2.5, -3.0)])
 def test_a_number_is_rounded_away_from_zero_as_in_c(x, whole):
     assert trace.call("round", x) == whole
-
-
-def test_a_place_in_a_table_counts_row_by_row():
-    assert [trace.flat_index(row, 4, column) for row, column in ((0, 3), (2, 1))] == [3, 9]
 
 
 def test_a_file_of_an_engine_in_other_units_or_forms_is_left_to_jsbsim():
@@ -251,62 +238,10 @@ def test_thrusters_are_turned_by_roll_pitch_and_yaw_and_pointing_ones_are_refuse
     orient = '<orient unit="DEG"><roll>10</roll><pitch>20</pitch><yaw>30</yaw></orient>'
     (found,) = engine_files.engines_of(fromstring(f"<fdm>{PIECE.format(orient)}</fdm>"))
 
-    r, p, y = np.radians([10.0, 20.0, 30.0])
-
-    def turn(axis, angle):
-        c, s = math.cos(angle), math.sin(angle)
-        i, j = [k for k in range(3) if k != axis]
-        m = np.eye(3)
-        m[i, i], m[j, j], m[i, j], m[j, i] = c, c, -s, s
-        return m if axis != 1 else m.T
-
-    assert np.array(found.orientation) == pytest.approx(turn(2, y) @ turn(1, p) @ turn(0, r))
+    turn = Rotation.from_euler("ZYX", [30.0, 20.0, 10.0], degrees=True)
+    assert np.array(found.orientation) == pytest.approx(turn.as_matrix())
     with pytest.raises(Unsupported, match="a thruster with <pointing>"):
         engine_files.engines_of(fromstring(f"<fdm>{PIECE.format('<pointing/>')}</fdm>"))
-
-
-def component(text, values=(), **how):
-    element = fromstring(text)
-    now = state({"a": 0.0} | dict(values), **how)
-    return components.Part(now, element, DT), now
-
-
-@pytest.mark.parametrize(("x", "y"), [(0.25, 0.05), (-0.15, 0.05), (0.11, -0.09), (-0.05, -0.05)])
-def test_a_cyclic_clip_takes_a_value_round_by_whole_turns(x, y):
-    part, _ = component(
-        '<summer name="s"><clipto type="cyclic"><min>-0.1</min><max>0.1</max></clipto></summer>'
-    )
-
-    assert components._clipped(part, x) == pytest.approx(y)
-
-
-@pytest.mark.parametrize(
-    ("ends", "x", "y", "stopped"),
-    [
-        ((-1, 2), -3.0, -1.0, True), ((-1, 2), 3.0, 2.0, True), ((-1, 2), 0.5, 0.5, False),
-        ((2, -1), 0.5, 0.5, True), ((0, 2), -1.0, 0.0, False),
-    ],
-)  # fmt: skip
-def test_a_clip_holds_between_its_ends_and_not_in_the_wrong_order(ends, x, y, stopped):
-    """An actuator at a bound of 0 is not said to be at its stop: FGActuator.cpp."""
-    low, high = ends
-    part, now = component(
-        f'<actuator name="s"><clipto><min>{low}</min><max>{high}</max></clipto></actuator>'
-    )
-
-    assert components._clipped(part, x) == y
-    assert now[f"{part.name}/saturated"] == float(stopped)
-
-
-@pytest.mark.parametrize(("bits", "y"), [(0, 0.37), (2, 0.0), (4, 0.25), (5, 0.3125)])
-def test_a_sensor_of_bits_sees_whole_grains(bits, y):
-    """Of a range from -1 to 1: 2 bits are grains of a half."""
-    part, _ = component(
-        f'<sensor name="s"><input>a</input><quantization><bits>{bits}</bits>'
-        "<min>-1</min><max>1</max></quantization></sensor>", {"a": 0.37}
-    )  # fmt: skip
-
-    assert components._sensor(part) == pytest.approx(y)
 
 
 def test_a_component_that_is_not_known_is_left_to_jsbsim():
@@ -321,118 +256,14 @@ def test_a_component_that_is_not_known_is_left_to_jsbsim():
     components._run(components.Part(now, fromstring("<description/>"), DT), known)
 
 
-@pytest.mark.parametrize(
-    ("kind", "increment"),
-    [
-        ("rect", 5.0), ("trap", 4.0), ("ab2", 1.5 * 5.0 - 0.5 * 3.0), ("", 0.0),
-        ("ab3", (23.0 * 5.0 - 16.0 * 3.0 + 5.0 * 2.0) / 12.0),
-    ],
-)  # fmt: skip
-def test_rules_of_integration_weigh_the_inputs_of_the_last_steps(kind, increment):
-    assert components.integrand(kind, 5.0, 3.0, 2.0) == pytest.approx(increment)
-
-
-@pytest.mark.parametrize(
-    ("text", "kind"),
-    [
-        ("<pid><kp>1</kp></pid>", ""), ("<pid><ki>1</ki></pid>", "ab2"),
-        ('<pid><ki type="trap">1</ki></pid>', "trap"),
-        ("<integrator><c1>1</c1></integrator>", "trap"),
-    ],
-)  # fmt: skip
-def test_an_integrator_has_the_rule_that_jsbsim_takes(text, kind):
-    assert components.integrator_kind(fromstring(text)) == kind
-
-
-CHARGED = "<piston_engine><numboostspeeds>{}</numboostspeeds>{}</piston_engine>"
-
-
-def speeds(*rows):
-    """Boost (psi), power (hp) and altitude (ft) of each speed."""
-    names = "ratedboost", "ratedpower", "ratedaltitude"
-    return "".join(
-        f"<{name}{k}>{x}</{name}{k}>"
-        for k, row in enumerate(rows, 1)
-        for name, x in zip(names, row, strict=True)
+def test_a_supercharger_in_a_trim_is_left_to_jsbsim():
+    charged = engine(
+        "<piston_engine><numboostspeeds>1</numboostspeeds><ratedboost1>2</ratedboost1>"
+        "<ratedpower1>900</ratedpower1><ratedaltitude1>8000</ratedaltitude1></piston_engine>"
     )
 
-
-@pytest.mark.parametrize(
-    ("count", "rows", "usable"),
-    [
-        (0, [(2, 900, 8000)], 0), (1, [(2, 900, 8000), (2, 800, 18000)], 1),
-        (2, [(2, 900, 8000), (2, 800, 18000)], 2), (2, [(2, 900, 8000), (2, 800, 7000)], 1),
-        (2, [(2, 900, 8000), (0, 800, 18000)], 1), (2, [(2, 900, 8000), (2, 0, 18000)], 1),
-        (1, [(2, 900, -1)], 0), (3, [(2, 900, 0), (2, 900, 0), (1, 900, 5)], 3),
-    ],
-)  # fmt: skip
-def test_speeds_of_a_supercharger_count_as_far_as_they_are_whole_and_rise(count, rows, usable):
-    found = pistons.supercharger_of(engine(CHARGED.format(count, speeds(*rows))))
-
-    assert (len(found.speeds) if found else 0) == usable
-    if usable:
-        standard, psi = 101325.0, 6894.757
-        wanted = [standard + boost * psi for boost, *_ in rows[:usable]]
-        assert found.pressures == pytest.approx(wanted, rel=1e-3)
-        assert found.takeoff is None
-        assert len(found.switches) == usable - 1
-        assert (found.manual, found.unlimited) == (False, False)
-
-
-@pytest.mark.parametrize(
-    ("manual", "speed", "ambient", "chosen"),
-    [
-        # Automatic: up below the pressure 1000 ft above its altitude, down above it, by a margin
-        (0, 0.0, 60_000.0, 1.0), (0, 0.0, 90_000.0, 0.0), (0, 1.0, 90_000.0, 0.0),
-        (0, 1.0, 60_000.0, 1.0), (1, 5.0, 90_000.0, 1.0), (1, -1.0, 60_000.0, 0.0),
-        (1, 0.0, 60_000.0, 0.0),
-    ],
-)  # fmt: skip
-def test_a_supercharger_changes_its_speed_by_the_pressure_or_by_hand(
-    manual, speed, ambient, chosen
-):
-    text = speeds((2, 900, 8000), (2, 800, 18000)) + f"<boostmanual>{manual}</boostmanual>"
-    of = engine(CHARGED.format(2, text))
-    now = state({f"{AT}/boost-speed": speed})
-
-    found = pistons._supercharger_speed(now, of, pistons.supercharger_of(of), ambient)
-
-    assert found == now[f"{AT}/boost-speed"] == chosen
-
-
-@pytest.mark.parametrize(
-    ("text", "how", "said"),
-    [(speeds((2, 900, 8000)), {"trimming": True}, "a supercharger in a trim")],
-)
-def test_a_supercharger_in_a_trim_is_left_to_jsbsim(text, how, said):
-    with pytest.raises(Unsupported, match=said):
-        pistons.power_of(state(**how), engine(CHARGED.format(1, text)))
-
-
-@pytest.mark.parametrize(
-    ("torque", "lever", "last", "was", "after", "limited"),
-    [
-        (50.0, 0.8, 0.8, 0.0, 0.8, 0.0),  # below the limit
-        (120.0, 0.9, 0.8, 0.0, 0.8 - 0.1 * DT, 1.0),  # above it the lever goes back
-        (-120.0, 0.9, 0.8, 0.0, 0.8 - 0.1 * DT, 1.0),
-        (50.0, 0.9, 0.8, 1.0, 0.8 + 0.05 * DT, 1.0),  # then forth again, more slowly
-        (120.0, 0.7, 0.8, 1.0, 0.7, 0.0),  # unless it was pulled back
-    ],
-)
-def test_a_lever_whose_torque_is_limited_goes_back_and_slowly_forth(
-    torque, lever, last, was, after, limited
-):
-    of = engine("<turboprop_engine><ielumaxtorque>100</ielumaxtorque></turboprop_engine>")
-    now = state({
-        "fcs/throttle-pos-norm": lever, "_lever0": last, "_limited0": was,
-        f"{AT}/propeller-torque-ftlb": torque,
-    })  # fmt: skip
-
-    assert turboprops._torque_limited(now, of) == pytest.approx(after)
-    assert now["_limited0"] == limited
-    assert now["_lever0"] == pytest.approx(after)
-    free = engine("<turboprop_engine/>")
-    assert turboprops._torque_limited(now, free) == lever
+    with pytest.raises(Unsupported, match="a supercharger in a trim"):
+        pistons.power_of(state(trimming=True), charged)
 
 
 def test_a_turboprop_without_its_tables_is_left_to_jsbsim():
@@ -451,10 +282,3 @@ def test_a_turboprop_without_its_tables_is_left_to_jsbsim():
     now = state(values, trimming=True)
     assert turboprops.turboprop(now, of) == 0.0
     assert now["_first0"] == 1.0
-
-
-def test_the_moment_of_a_place_is_about_the_centre_of_gravity():
-    """Structural axes point backwards, to the right and up, in inches."""
-    now = SimpleNamespace(cg=[100.0, 2.0, -3.0])
-
-    assert masses.body_arm([88.0, 26.0, 9.0], now.cg) == pytest.approx([1.0, 2.0, -1.0])
