@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.base import arrays
-from flighttune.base.errors import InputError, ShapeError
+from flighttune.base.errors import ShapeError
 
 # A check, what it takes, and what it refuses with its words
 CHECKS = {
@@ -46,12 +47,12 @@ def test_a_check_takes_its_range_and_says_what_it_refuses(name):
     for value in taken:
         check(value)
     for value, message in refused.items():
-        with pytest.raises(InputError, match=f"^`x` .*{message}"):
+        with pytest.raises(ft.InputError, match=f"^`x` .*{message}"):
             check(value)
 
 
 def test_a_check_says_the_unit_and_the_first_of_several_names():
-    with pytest.raises(InputError, match=r"^`b` must be positive, got -1.0 m/s\.$"):
+    with pytest.raises(ft.InputError, match=r"^`b` must be positive, got -1.0 m/s\.$"):
         arrays.check_positive("m/s", a=1.0, b=-1.0, c=-2.0)
 
 
@@ -90,7 +91,7 @@ def test_spans_are_from_the_first_true_to_one_past_the_last():
     ],
 )
 def test_what_is_no_square_matrix_is_refused(value, axes, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         arrays.square_matrices("A", value, axes)
 
 
@@ -107,5 +108,5 @@ def test_matrices_of_the_right_shape_are_taken_and_cannot_be_changed():
     for bad, shape in (([1.0], None), ([[1.0, 2.0]], (2, 1))):
         with pytest.raises(ShapeError, match="`K` must have"):
             arrays.read_only_matrix("K", bad, shape)
-    with pytest.raises(InputError, match="`v` must be finite"):
+    with pytest.raises(ft.InputError, match="`v` must be finite"):
         arrays.read_only_vector("v", [math.inf])

@@ -375,7 +375,7 @@ def test_a_stretch_starts_as_the_log_with_the_climb_of_its_air():
 
 
 def test_slopes_of_a_fit_are_those_of_the_difference():
-    """Of a delay of the roll and of a wind: central differences of a tenth of their sizes."""
+    """They are forward differences over a fifth of the size of each factor."""
     flights = flights_of(made_up_log())
     flights.t = flights.t[:1, :280]  # 0.6 s of one stretch after the wait
     flights.logged = {name: values[:1, :280] for name, values in flights.logged.items()}

@@ -269,7 +269,7 @@ def test_without_a_velocity_the_load_factor_is_that_which_carries_the_weight(the
 
 @pytest.fixture(scope="module")
 def agreeing():
-    """Columns at 10 Hz of a flight in wind, all of them right by construction."""
+    """Columns at 10 Hz of a made-up flight in wind that obeys the laws of motion."""
     wind = np.array([7.0, -6.5, 0.0])
     fine = outer_loop(60.0, wind=wind, seed=2)
     over = np.column_stack([fine[f"v_{axis}"] for axis in ("north", "east", "down")])
@@ -312,7 +312,7 @@ def test_every_relation_holds_in_a_flight_that_obeys_the_laws_of_motion(agreeing
     assert relation.name in match.used
 
 
-def test_of_a_right_log_every_column_is_vouched_for(agreeing):
+def test_every_column_of_a_right_log_is_said_to_agree(agreeing):
     verdicts = checks.judged(agreeing, 0.1)
 
     agree, rest = verdicts.notes
@@ -400,18 +400,8 @@ def test_a_large_error_of_height_in_feet_is_a_note_and_rates_of_zero_are_not_mea
 @pytest.mark.parametrize(("factor", "said"), [(1.1, True), (1.05, False), (0.9, True)])
 def test_a_clock_is_wrong_where_all_rates_are_off_by_one_factor(agreeing, factor, said):
     names = [
-        "phi",
-        "theta",
-        "psi",
-        "p",
-        "q",
-        "r",
-        "v_north",
-        "v_east",
-        "v_down",
-        "north",
-        "east",
-        "h",
+        *("phi", "theta", "psi", "p", "q", "r"),
+        *("v_north", "v_east", "v_down", "north", "east", "h"),
     ]
 
     verdicts = checks.judged({x: agreeing[x] for x in names}, 0.1 * factor)
@@ -556,7 +546,7 @@ def test_a_ratio_near_a_known_mistake_has_its_factor_and_another_its_own(
     assert said == words
 
 
-def test_changes_of_columns_do_what_they_say():
+def test_cures_scale_shift_exchange_turn_and_remove_columns():
     x, y = np.arange(5.0), np.array([0.0, 3.0, -3.0, 1.0, 2.0])
     given = {"h": x, "psi": y, "n_z": x, "f_z": x, "phi": y, "theta": 0.1 * y}
 
@@ -676,16 +666,8 @@ def test_columns_are_judged_from_ten_seconds_on(n, told):
 
 
 RESPONSES = (
-    "theta",
-    "V_err",
-    "height_err",
-    *"pqr",
-    "f_x",
-    "n_z",
-    "n_z_cmd",
-    "phi_cmd",
-    "h",
-    "down",
+    *("theta", "V_err", "height_err", "p", "q", "r"),
+    *("f_x", "n_z", "n_z_cmd", "phi_cmd", "h", "down"),
 )
 
 
@@ -711,7 +693,7 @@ def test_logs_whose_columns_contradict_each_other_are_refused():
 
 
 def test_a_relation_that_does_not_hold_has_the_changes_that_may_mend_it():
-    """A roll rate in degrees with the other sign, which is not of the instrument's two others."""
+    """A roll rate may be in degrees, of the other sign, late, or one of the two other rates."""
     given = {name: np.arange(200.0) for name in ("phi", *"pqr")}
     motion, relation = Motion(given, 0.1), relations.RELATIONS[0]
 
@@ -830,7 +812,7 @@ def climbing_turn(**more):
     return over | down | {"phi": 0.0 * chi} | {name: x(chi) for name, x in more.items()}
 
 
-# Of slopes over 0.2 s: sin(0.03) is 0.03 less 0.015 %.
+# A slope over 0.2 s of a turn by 0.3 rad/s is too small by 0.015 %, as sin(0.03) is.
 SLOPE = 2e-4
 
 

@@ -311,7 +311,7 @@ def test_a_fit_is_the_share_of_the_variance_and_none_where_nothing_varies():
 
 
 def section_log(seconds, *, dt=0.1, gap=None, command=None):
-    """A log whose roll command changes by 12 deg all the time, and rests at `gap` (s)."""
+    """A log whose roll command changes by 12 deg all the time; its roll has a `gap` (s)."""
     t = dt * np.arange(round(seconds / dt))
     phi_cmd = 0.1 * np.sign(np.sin(2.0 * t)) if command is None else command(t)
     phi = np.where((t > gap[0]) & (t < gap[1]), np.nan, 0.0) if gap else 0.0 * t
@@ -374,7 +374,7 @@ def test_an_interval_is_given_where_the_samples_show_one(lag, options, says):
 
 
 def test_limits_are_the_range_of_commands_and_the_fastest_response():
-    """Of 1001 samples five at either end, and of rates ten, are left out."""
+    """Five of 1001 samples are left out at either end, and the ten fastest rates."""
     t = 0.1 * np.arange(1001)
     command = np.radians(np.linspace(-20.0, 30.0, 1001))
     slow = made_up_run({"phi": 0.5 * command, "phi_cmd": command}, t)
@@ -439,22 +439,20 @@ def test_a_model_of_a_log_has_what_it_shows_and_what_is_assumed(rolled):
     assert (log.residual_rad_s, log.residual_stretches) == (None, 0)
 
 
-def test_without_an_assumption_there_is_no_model_and_the_remedy_is_said(
-    rolled, monkeypatch, tmp_path
-):
-    monkeypatch.setattr(identify, "_channel", lambda _, name: f"no {name}")
+def test_without_an_assumption_there_is_no_model_and_the_remedy_is_said(tmp_path):
+    log = made_up_run({"phi": [0.0, 0.0], "V_a": 20.0})
 
-    found = ft.identify(rolled)
+    found = ft.identify(log)
 
     assert found.identified is None
     assert found.title == "paper"
-    assert found.untold["n_z"] == "no n_z; its limits are assumed: 0.5 to 1.5, 2 per s"
-    assert found.missing == (
-        "no phi; assume its bandwidth, --assume phi=RAD_S, or give logs that show it"
-    )
+    lacks = "the logs have no load-factor commands"
+    assert found.untold["n_z"] == f"{lacks}; its limits are assumed: 0.5 to 1.5, 2 per s"
+    assert found.missing.startswith("the logs have no roll commands; ")
+    assert "assume its bandwidth, --assume phi=RAD_S, or give logs that show it" in found.missing
     assert found.save(tmp_path / "x.json") == {"model": None, "figure": None}
     assert [*tmp_path.iterdir()] == []
     with pytest.raises(ft.InputError, match="`assume` must name phi or n_z, got theta"):
-        ft.identify(rolled, assume={"theta": 3.0})
+        ft.identify(log, assume={"theta": 3.0})
     with pytest.raises(ft.InputError, match="`V_a` and `gamma` must be absent with a log"):
-        ft.identify(rolled, gamma=[0.0])
+        ft.identify(log, gamma=[0.0])

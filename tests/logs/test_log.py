@@ -5,7 +5,6 @@ import socket
 import struct
 import time
 from contextlib import suppress
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -722,26 +721,29 @@ def test_gaps_are_said_from_half_a_thousandth_of_the_time_on():
 
 
 @pytest.mark.parametrize(
-    ("name", "asked"),
+    ("part", "ends"),
     [
-        ("a.csv", {"mode": ""}),
-        ("a.csv@AUTO", {"mode": "AUTO"}),
-        ("a.csv@10:20.5", {"start": 10.0, "end": 20.5}),
-        ("a.csv@:20", {"start": 0.0, "end": 20.0}),
-        ("a.csv@10:", {"start": 10.0, "end": np.inf}),
-        ("a.csv@20:10", None),
-        ("a.csv@10:10", None),
-        ("a.csv@-1:10", None),
-        ("a.csv@one:10", None),
+        ("10:20.5", (10.0, 20.5)),
+        (":20", (0.0, 20.0)),
+        ("10:", (10.0, 30.0)),
+        ("20:10", None),
+        ("10:10", None),
+        ("-1:10", None),
+        ("one:10", None),
     ],
 )
-def test_a_part_of_a_log_is_from_a_time_to_another_or_a_mode(monkeypatch, name, asked):
-    monkeypatch.setattr(log, "load_log", lambda place, **options: (place, options))
-    if asked is None:
+def test_a_part_of_a_log_is_from_a_time_to_another(tmp_path, part, ends):
+    t = 0.1 * np.arange(301)
+    path = tmp_path / "a.csv"
+    signals = {"t": t, "phi": 0.1 * np.sin(t), "phi_cmd": 0.0 * t, "V_a": t}
+    pd.DataFrame(signals).to_csv(path, index=False)
+
+    if ends is None:
         with pytest.raises(ft.InputError, match="the part of a log must be START:END in s"):
-            log.load_part(name, ())
+            ft.load(f"{path}@{part}")
         return
-    assert log.load_part(name, ()) == ("a.csv", {"columns": (), **asked})
+    V_a = ft.load(f"{path}@{part}").signals["V_a"]
+    assert (V_a.iloc[0], V_a.iloc[-1]) == pytest.approx(ends)
 
 
 @pytest.mark.parametrize(
@@ -762,34 +764,3 @@ def test_columns_contradict_each_other_by_more_than_a_hundredth(values, others, 
     first[:4] = second[:4]  # the median counts
 
     assert read._contradict(first, second, angle=angle) == contradict
-
-
-@pytest.mark.parametrize(
-    ("stamps", "seconds"),
-    [
-        ({"TimeUS": 2_500_000, "TimeMS": 7}, 2.5),
-        ({"TimeMS": 2_500}, 2.5),
-        ({"T": 2_500, "TimeMS": 300}, 2.5),  # TimeMS of a GPS message is of its week
-        ({}, np.nan),
-    ],
-)
-def test_the_clock_of_dataflash_is_in_seconds(stamps, seconds):
-    assert read._dataflash_clock(SimpleNamespace(**stamps)) == pytest.approx(seconds, nan_ok=True)
-
-
-@pytest.mark.parametrize(
-    ("text", "encoding"),
-    [
-        ("t,φ\n".encode(), "utf-8-sig"),
-        ("t,φ\n".encode("utf-16"), "utf-16"),
-        ("t,°\n".encode("latin-1"), "latin-1"),
-    ],
-)
-def test_a_table_has_the_encoding_of_its_labels(tmp_path, text, encoding):
-    file = tmp_path / "a.csv"
-    file.write_bytes(text)
-
-    assert read._encoding(file) == encoding
-    assert read._by_topic(["A.b", "A.c.d", "e"]) == {
-        "A": {"b": "A.b", "c.d": "A.c.d"}, "e": {"": "e"},
-    }  # fmt: skip

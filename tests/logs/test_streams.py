@@ -201,7 +201,7 @@ def test_a_break_of_an_hour_and_a_period_of_five_seconds_are_read():
     [(6, 0.1, True), (5, 0.1, False), (6, 0.02, False), (6, 0.021, True)],
 )
 def test_a_clock_that_tells_less_than_half_of_the_samples_apart_is_refused(same, period, refused):
-    """Of eleven samples, so many have the time of the one before and another roll."""
+    """So many of eleven samples have the time of the one before, and another roll."""
     t = period * np.cumsum(np.arange(11) > same)
     phi = np.arange(11.0)
 

@@ -12,7 +12,6 @@ from made_up_band import about_of, band_flights
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.counted_flights import check_one_path, plan_of
 from flighttune.routes import maps
 from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
@@ -523,7 +522,7 @@ def test_draws_of_the_wind_alone_have_one_path(band, monkeypatch):
     plan = json.loads(json.dumps(band.about.plan))
     plan["campaign"]["disperse"] = [{"key": f"wind.{x}", **wind} for x in ("speed_mps", "from_deg")]
     windy = plan_of(replace(band, about=replace(band.about, plan=plan)))
-    monkeypatch.setattr(Plan, "scenario_of", None)
+    monkeypatch.setattr(ft.Plan, "scenario_of", None)
 
     check_one_path(windy, band.draws.tolist())
 

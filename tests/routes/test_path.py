@@ -440,7 +440,7 @@ def test_a_height_out_of_reach_is_refused_with_the_one_that_is_not(point, most):
 
 
 def test_a_leg_that_is_too_short_says_by_how_much():
-    """A right angle at its end takes `reach` of it, by the test above."""
+    """The turn by a right angle at its end takes `reach` of the leg."""
     path = plan(points((0, 0), (1000, 0), (1000, 1000)), ABILITY)
     reach = 1000.0 - path.stretches[0].length
 

@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 import flighttune as ft
 from flighttune.base.files.table import tables_of, value_of
 from flighttune.control.certificates import certificate as certificates
-from flighttune.control.certificates.certificate import law_gravity
 from flighttune.control.certificates.make import certify_model
 from flighttune.control.linear_model import Envelope, JacobianHull, entry_model
 from flighttune.control.tuning.envelope import largest_factor
@@ -320,11 +319,11 @@ def test_models_have_the_gravity_of_the_law_at_their_own_speeds_and_angles_or_no
     conditions = [(25.0, np.pi / 12), (30.0, -0.1)]
     at = [ft.loop.kinematic_model(V_a=V_a, gamma=gamma, g=1.62) for V_a, gamma in conditions]
 
-    assert law_gravity(conditions, at) == pytest.approx(1.62)
-    assert law_gravity(conditions[::-1], at) is None
-    assert law_gravity(conditions[:1], [replace(at[0], B=0.0 * at[0].B)]) is None
-    assert law_gravity(conditions[:1], [replace(at[0], B=-at[0].B)]) is None
-    assert law_gravity([(25.0, np.pi / 2)], at[:1]) is None
+    assert certificates.law_gravity(conditions, at) == pytest.approx(1.62)
+    assert certificates.law_gravity(conditions[::-1], at) is None
+    assert certificates.law_gravity(conditions[:1], [replace(at[0], B=0.0 * at[0].B)]) is None
+    assert certificates.law_gravity(conditions[:1], [replace(at[0], B=-at[0].B)]) is None
+    assert certificates.law_gravity([(25.0, np.pi / 2)], at[:1]) is None
 
 
 @pytest.mark.parametrize("phi", [(-0.3, 0.5), (0.0, 0.5), (-0.5, 0.0), (0.1, 0.5), (-0.5, -0.1)])
@@ -360,7 +359,7 @@ def test_the_polytope_is_as_far_outside_an_envelope_as_its_margins_say(phi, n_z)
 @pytest.mark.parametrize(
     ("entries", "margin"),
     [
-        # of factors from 0.3 to 0.5 each entry of the box -1..1, 1..2, -0.5..0, 0..1 leaves a part
+        # each entry over its side of the box, -1..1, 1..2, -0.5..0 and 0..1, allows some factors
         ((0.0, 0.6, 0.0, 0.2), 0.2),  # b1 / 2 = 0.3 up to 0.5
         ((0.4, 0.6, 0.0, 0.2), 0.1),  # a = 0.4 needs 0.4 up to 0.5
         ((-0.4, 0.6, 0.0, 0.2), 0.1),
@@ -445,6 +444,6 @@ def test_parts_of_a_certificate_that_do_not_fit_are_refused(at_trim, change, say
         ({"g": 0.0, "envelope": ENVELOPE}, "`g`"),
     ],
 )
-def test_a_claim_of_no_condition_or_two_is_refused(at_trim, change, says):
+def test_a_claim_whose_parts_do_not_fit_is_refused(at_trim, change, says):
     with pytest.raises(ft.InputError, match=says):
         replace(at_trim.claim, **change)

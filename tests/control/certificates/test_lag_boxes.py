@@ -393,7 +393,7 @@ A_BOX = lag_box.LagBox((0.1, 0.3), (0.05, 0.05), (-0.1, 0.2), (0.4, 0.4), rate=0
         ({"norm_rate": 0.1, "Q": np.eye(4), "delay": (0.0, 0.0)}, r"`Q` must have shape \(3, 3\)"),
     ],
 )  # fmt: skip
-def test_a_box_that_is_none_is_refused_by_its_number(change, says):
+def test_a_box_with_a_bad_range_is_refused_by_the_name_of_its_range(change, says):
     with pytest.raises(ft.InputError, match=says):
         replace(A_BOX, **change)
 

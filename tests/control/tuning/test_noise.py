@@ -13,7 +13,7 @@ from scipy.integrate import quad
 import flighttune as ft
 from flighttune.control.tuning.noise import Noise, NoisyLoop
 from flighttune.control.tuning.shaped import GustLoop
-from flighttune.vehicles.plants.navigation import ERRORS, Navigation
+from flighttune.vehicles.plants.navigation import ERRORS
 from tests.control.tuning.test_fed_back import lags, sensitivity
 
 DEG, DT, V_A = math.pi / 180.0, 0.02, 25.0
@@ -77,7 +77,7 @@ def test_gusts_alone_leave_the_errors_of_the_lyapunov_equation():
 
 def test_densities_of_navigation_have_the_deviations_of_the_covariance_recursion():
     """0.0657 m/s of velocity and 0.133 deg of tilt, by the recursion in test_navigation.py."""
-    quiet = Navigation.of("standard", roll_noise=0.0)
+    quiet = ft.loop.Navigation.of("standard", roll_noise=0.0)
     densities = quiet.densities(OMEGA, DT, V_A)
     sd = {name: math.sqrt(np.trapezoid(each, OMEGA)) for name, each in densities.items()}
 
@@ -92,8 +92,10 @@ def test_densities_of_navigation_are_those_of_drawn_errors():
     """Variance of velocity and climb above 1 Hz, over 40 draws of 200 s."""
     n, V = 10_000, {"chi": "v_north", "gamma": "v_up"}
     omega = np.linspace(2.0 * math.pi, math.pi / DT, 2000)
-    densities = Navigation.of("standard").densities(omega, DT, 1.0)
-    flights = [Navigation.of("standard", seed=seed).errors(n, DT, V_A) for seed in range(40)]
+    densities = ft.loop.Navigation.of("standard").densities(omega, DT, 1.0)
+    flights = [
+        ft.loop.Navigation.of("standard", seed=seed).errors(n, DT, V_A) for seed in range(40)
+    ]
     for name, drawn in V.items():
         errors = np.array(flights)[:, :, ERRORS.index(drawn)]
         lines = np.abs(np.fft.rfft(errors * np.hanning(n), axis=1)) ** 2

@@ -7,9 +7,8 @@ import pytest
 from printed import lagged
 
 import flighttune as ft
-from flighttune.control.linear_model import LinearModel
 from flighttune.control.tuning import envelope, program
-from flighttune.control.tuning.result import Assessment, TuningResult, assessment
+from flighttune.control.tuning.result import Assessment, assessment
 from flighttune.control.tuning.tune import searches
 from tests.control.tuning.conftest import DECOUPLED, relaxed
 
@@ -177,7 +176,7 @@ def test_what_a_problem_lacks_is_said_of_the_gains_of_the_smallest_radius(model,
 def test_an_optimum_of_either_kind_is_a_solution(model, status, solved):
     problem = ft.loop.TuningProblem(model=model)
 
-    found = TuningResult(status=status, reason="", method="some", problem=problem)
+    found = ft.TuningResult(status=status, reason="", method="some", problem=problem)
 
     assert found.solved == solved
 
@@ -185,7 +184,7 @@ def test_an_optimum_of_either_kind_is_a_solution(model, status, solved):
 def test_a_channel_of_a_decoupled_model_has_its_own_rows_and_columns_of_everything():
     """Roll behind a lag and load factor without one; channels are in the order of inputs."""
     law = ft.loop.kinematic_model(V_a=25.0, gamma=0.2, g=9.81)
-    lagged_roll = LinearModel(
+    lagged_roll = ft.loop.LinearModel(
         A=[[0, 0, law.B[0, 0]], [0, law.A[1, 1], 0], [0, 0, -4.0]],
         B=[[0, 0], [0, law.B[1, 1]], [4.0, 0]],
         C=[[1, 0, 0], [0, 1, 0]],

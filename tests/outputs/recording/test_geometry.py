@@ -104,14 +104,14 @@ def test_a_round_number_is_the_largest_that_is_not_above(value, steps, below):
 
 @pytest.mark.parametrize(("size", "factor"), [(10.0, 1.0), (100.0, 3.0), (1000.0, 30.0)])
 def test_aircraft_are_drawn_a_tenth_as_wide_as_their_flight(size, factor):
-    """In round numbers: of a span of 2.9 m a tenth of 100 m is 3.4 times as much."""
+    """A tenth of 100 m is 3.4 spans of 2.9 m; the round factor below is 3."""
     points = np.array([[0.0, 0.0, 0.0], [0.6 * size, 0.0, -0.8 * size]])
 
     assert scene.enlargement(points, 2.9) == pytest.approx(factor)
 
 
 def test_the_ground_has_lines_around_the_flight_and_lies_below_it():
-    """290 m want a spacing of 48 m at most: 20 m are round."""
+    """A flight of 290 m has lines at most 48 m apart; the round spacing below is 20 m."""
     points = np.array([[3.0, -25.0, -90.0], [293.0, 5.0, -30.0]])
 
     lines, spacing = scene.ground_grid(points)
