@@ -18,15 +18,7 @@ import flighttune as ft
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
 from flighttune.logs.parameters import flown_now
-from flighttune.studies.beside import (
-    KEPT,
-    Beside,
-    _with_guidance,
-    kept_signals,
-    loops,
-    tracking_of,
-    within_flights,
-)
+from flighttune.studies import beside
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
@@ -44,7 +36,7 @@ def file(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def beside(file):
+def comparison(file):
     return ft.compare("circuit_in_wind", autopilot=file, **FEW)
 
 
@@ -97,12 +89,14 @@ def test_a_stopped_comparison_names_the_file_with_which_it_goes_on(file, tmp_pat
 
 
 @pytest.mark.soak
-def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
-    keys = [*beside.plan.keys, "seed", "draw"]
-    yours, ours = (beside.rows.loc[beside.rows["gains"] == x, keys] for x in ("yours", "ours"))
+def test_both_fly_the_same_draws_and_the_answer_has_both(comparison, file):
+    keys = [*comparison.plan.keys, "seed", "draw"]
+    yours, ours = (
+        comparison.rows.loc[comparison.rows["gains"] == x, keys] for x in ("yours", "ours")
+    )
     assert yours.to_dict("records") == ours.to_dict("records")
     assert len(yours) == 2
-    answer = beside.answer()
+    answer = comparison.answer()
     assert len(answer.summary) == 4
     assert [row["of"] for row in answer.values["accuracy"]] == [
         *("cross track", "height", "airspeed", "course", "path angle")
@@ -112,18 +106,22 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     assert answer.values["rest"] == 1
     sources = {row["from"] for row in answer.values["parameters"]}
     assert sources == {file.name, "default of ArduPilot 4.5"}
-    gains = beside.plan.gain_sets[beside.plan.groups[-1].gains]
+    gains = comparison.plan.gain_sets[comparison.plan.groups[-1].gains]
     period = 4.0 * math.pi * 0.8 / gains.K_P[0, 0]
     said = f"{gains.K_P[0, 0]:.2f} 1/s, corresponds to NAVL1_PERIOD = {period:.1f} s (yours 14 s)"
     assert said in answer.summary[2]
 
 
 @pytest.mark.soak
-def test_ours_are_the_flights_that_a_campaign_has(beside):
+def test_ours_are_the_flights_that_a_campaign_has(comparison):
     standard = {"navigation": {"grade": "standard"}}
     alone = ft.flights("circuit_in_wind", changes=SHORT | standard).plan()
-    row = beside.rows[(beside.rows["gains"] == "ours") & (beside.rows["draw"] == 1)].iloc[0]
-    group = next(i for i, x in enumerate(alone.groups) if x.gains == beside.plan.groups[-1].gains)
+    row = comparison.rows[
+        (comparison.rows["gains"] == "ours") & (comparison.rows["draw"] == 1)
+    ].iloc[0]
+    group = next(
+        i for i, x in enumerate(alone.groups) if x.gains == comparison.plan.groups[-1].gains
+    )
     number = len(alone.groups) + group
     enough = alone.with_runs(max(alone.runs, number + 1))
     run = ft.fly(scenario_of_run(enough, number)).runs[-1]
@@ -133,7 +131,7 @@ def test_ours_are_the_flights_that_a_campaign_has(beside):
 
 
 @pytest.mark.soak
-def test_margins_are_those_of_a_frequency_response(beside):
+def test_margins_are_those_of_a_frequency_response(comparison):
     # L = G (a s + b) / s^2 with the identified roll behind half a sample
     (lag, _), omega = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags, 2.0 * math.pi
     a, b = 4.0 * math.pi * 0.8 / 14.0, (omega / 14.0) ** 2
@@ -145,7 +143,7 @@ def test_margins_are_those_of_a_frequency_response(beside):
     phase = np.unwrap(np.angle(L))
     crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
     turn = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[-1]
-    roll = beside.margins["yours"][0]
+    roll = comparison.margins["yours"][0]
     assert np.degrees(roll.phase_margin) == pytest.approx(
         np.degrees(phase[crossing]) + 180.0, abs=0.5
     )
@@ -157,7 +155,7 @@ def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 1.2]], "K_I": [[0.9, 0.0], [0.0, 0.9]]}
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
     now = flown_now(file, None)
-    plan = _with_guidance(counting.drawn(stated, gains="own"), now)
+    plan = beside._with_guidance(counting.drawn(stated, gains="own"), now)
     T = plan.scenario.route.look_ahead_s
     (lag, _) = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
     s = 1j * np.geomspace(1e-2, 60.0, 200_001)
@@ -166,7 +164,7 @@ def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     L = G * (1.2 * s + 0.9) * (s + 1.0 / T) / s**3
     crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
 
-    roll = loops(plan, now)["ours"][0]
+    roll = beside.loops(plan, now)["ours"][0]
 
     wanted = np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
     assert np.degrees(roll.phase_margin) == pytest.approx(wanted, abs=0.5)
@@ -177,7 +175,7 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(file, lost):
     random, n = np.random.default_rng(7), 93
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": ["paper"]})
     now = flown_now(file, None)
-    plan = _with_guidance(counting.drawn(stated, gains="paper"), now).with_runs(2 * n)
+    plan = beside._with_guidance(counting.drawn(stated, gains="paper"), now).with_runs(2 * n)
     errors = {
         "flight.cross_track_m": (5.0, 4.5), "flight.height_err_m": (1.0, 2.0),
         "flight.V_a_dev_mps": (0.3, 0.2), "chi.peak_rad": (0.03, 0.01),
@@ -190,7 +188,7 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(file, lost):
         rows[name] = (np.array(means) * random.uniform(0.8, 1.2, (n, 2))).ravel()
     rows.loc[rows["gains"].eq(lost) & rows["draw"].eq(3), "status"] = "left_envelope"
 
-    many = Beside(now=now, plan=plan, rows=rows, tracking=[])
+    many = beside.Beside(now=now, plan=plan, rows=rows, tracking=[])
 
     ends = rows["status"].eq("left_envelope")
     for row, (name, factor) in zip(many.accuracy, (
@@ -223,16 +221,16 @@ def test_a_log_lies_between_the_flights_that_were_completed():
         {
             "gains": ["yours", "yours", "yours", "ours"],
             "status": ["completed", "completed", "diverged", "completed"],
-            KEPT: flights,
+            beside.KEPT: flights,
         }
     )
 
-    cross, roll = tracking_of([2.0, math.nan, 12.5], rows)
+    cross, roll = beside.tracking_of([2.0, math.nan, 12.5], rows)
 
     assert cross == {"of": "cross track", "log": 2.0, "low": 1.0, "high": 3.0, "unit": "m"}
     assert (roll["of"], roll["low"], roll["high"]) == ("commanded roll", 10.0, 12.0)
-    (said,) = within_flights([cross, roll])
-    assert within_flights([]) == []
+    (said,) = beside.within_flights([cross, roll])
+    assert beside.within_flights([]) == []
     assert "in cross track" in said
     assert "outside of" in said
 
@@ -241,14 +239,14 @@ def test_a_signal_is_kept_below_what_it_exceeds_in_a_twentieth_of_the_time():
     t = np.linspace(0.0, 1.0, 101)
     run = made_up_run({"cross_track": -4.0 * t, "phi_cmd": np.radians(30.0) * t}, t)
 
-    cross, height, roll = kept_signals(run, None)
+    cross, height, roll = beside.kept_signals(run, None)
 
     assert (cross, roll) == pytest.approx((0.95 * 4.0, 0.95 * 30.0))
     assert math.isnan(height)
 
 
 @pytest.mark.soak
-def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
+def test_a_log_lies_among_the_flights_or_not(comparison, file, tmp_path):
     tables = ft.load_scenario("circuit", changes=SHORT).as_dict()
     law = {"name": "l1", "kind": "autopilot", "parameters": {"NAVL1_PERIOD": 14.0}}
     flown = ft.fly(ft.scenario_from(tables | {"law": [law], "gains": ["paper"], "expect": []}))

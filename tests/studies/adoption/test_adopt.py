@@ -20,15 +20,7 @@ from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 import flighttune as ft
 from flighttune.base.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
-from flighttune.studies.adoption import adopt
-from flighttune.studies.adoption.survey import (
-    Lift,
-    Refusal,
-    Survey,
-    _largest_drag,
-    survey,
-    wide_tables,
-)
+from flighttune.studies.adoption import adopt, survey
 from flighttune.vehicles.aircraft.aircraft import aircraft_from
 from flighttune.vehicles.aircraft.model_xml import in_inches
 from flighttune.vehicles.identification.design import Airframe
@@ -106,7 +98,7 @@ def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     ],
 )
 def test_travel_is_found_as_the_model_has_it(tmp_path, model, travel_deg):
-    surfaces = survey(wide_tables(model), tmp_path, h=1000.0).tables["surfaces"]
+    surfaces = survey.survey(survey.wide_tables(model), tmp_path, h=1000.0).tables["surfaces"]
 
     for name, travel in travel_deg.items():
         assert surfaces[name]["travel_deg"] == pytest.approx(travel, abs=5.0 * CENTIDEGREE)
@@ -193,7 +185,9 @@ def own(tmp_path):
 @pytest.fixture
 def surveyed(tmp_path):
     """What a survey at 1000 m finds of a model."""
-    return lambda file, **asked: survey(wide_tables(str(file)), tmp_path, h=1000.0, **asked)
+    return lambda file, **asked: survey.survey(
+        survey.wide_tables(str(file)), tmp_path, h=1000.0, **asked
+    )
 
 
 @pytest.fixture
@@ -388,10 +382,10 @@ OPEN = """<fcs_function name="a/open"><function><product><value>2</value>
 
 
 def test_a_lever_that_is_fully_open_at_a_half_is_one(own, tmp_path):
-    tables = wide_tables(str(own(*more(system(OPEN)))))
+    tables = survey.wide_tables(str(own(*more(system(OPEN)))))
     tables["engines"]["command"] = "a/lever"
 
-    assert survey(tables, tmp_path, h=1000.0).spare_thrust > 0.5
+    assert survey.survey(tables, tmp_path, h=1000.0).spare_thrust > 0.5
 
 
 @pytest.mark.soak
@@ -499,12 +493,12 @@ def test_controls_are_found_by_what_they_move(renamed, surveyed, tmp_path, parts
 def test_commands_of_surfaces_can_be_named(renamed, tmp_path, refusal):
     file = renamed(NAMED_OTHERWISE)
     left, right = "fcs/posAilL_ext_rad", "fcs/posAilR_ext_rad"
-    tables = wide_tables(str(file))
+    tables = survey.wide_tables(str(file))
     tables["surfaces"]["aileron"]["command"], tables["linked"] = left, {right: f"-{left}"}
     tables["surfaces"]["elevator"]["command"] = "tail/posElev_ext_rad"
     tables["surfaces"]["rudder"]["command"] = "fcs/posRud_ext_rad"
 
-    surfaces = survey(tables, tmp_path, h=1000.0).tables["surfaces"]
+    surfaces = survey.survey(tables, tmp_path, h=1000.0).tables["surfaces"]
 
     # The actuators stop at 0.5 rad; the tail of this model has the opposite sense.
     assert surfaces["aileron"]["travel_deg"] == pytest.approx((-28.65, 28.65), abs=CENTIDEGREE)
@@ -567,7 +561,7 @@ def test_a_diameter_without_a_unit_that_no_propeller_has_is_in_inches(surveyed, 
 
 def test_a_turbine_that_is_off_does_not_push(tmp_path):
     """JSBSim takes it for an idle one in the evaluation of a state, in which no time passes."""
-    tables = wide_tables("T38")
+    tables = survey.wide_tables("T38")
     tables["engines"]["count"] = 0
     fdm = Fdm(aircraft_from(tables, tmp_path))
 
@@ -625,12 +619,12 @@ def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, surveyed)
 def made_up(*, p_dot=-40.0, elevator=-0.1):
     """A survey and the slopes of an aeroplane that stalls at 20 m/s, at 30 m/s."""
     alpha = np.array([-0.2, -0.1, 0.0, 0.3])
-    lift = Lift(alpha, 2.5 * alpha + 0.25, 0.02 + alpha**2, 0.3, -0.2, 20.0)
+    lift = survey.Lift(alpha, 2.5 * alpha + 0.25, 0.02 + alpha**2, 0.3, -0.2, 20.0)
     tables = {"surfaces": {"aileron": {"travel_deg": [-30.0, 20.0]}}}
     slopes = {"p_dot": {"p": p_dot, "aileron": 200.0}, "n_z": {"alpha": 20.0, "elevator": elevator}}
     slopes["q_dot"] = {"alpha": -30.0, "q": -5.0, "elevator": -40.0}
     model = Airframe(trimmed=AirframeState(V_a=30.0), slopes=slopes)
-    return Survey(tables, lift, 30.0, 1.0, 10.0, ("", 0.0), ()), model
+    return survey.Survey(tables, lift, 30.0, 1.0, 10.0, ("", 0.0), ()), model
 
 
 def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others():
@@ -725,7 +719,7 @@ def test_load_factors_are_those_of_aeroplanes(V_a, more_lift, n_z):
 def test_an_airspeed_at_which_no_turn_is_possible_is_refused():
     """The wings lift 1.3^2 times the weight, and a turn needs 1.5 / 0.85."""
     found, model = made_up()
-    with pytest.raises(Refusal, match=r"at 26 m/s it lifts 1\.69 .* a turn needs 1\.76"):
+    with pytest.raises(survey.Refusal, match=r"at 26 m/s it lifts 1\.69 .* a turn needs 1\.76"):
         adopt.final_tables(found._replace(V_a=26.0), model, 1000.0, 1.0)
 
 
@@ -906,7 +900,7 @@ def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, surveyed):
 
 
 def test_thrust_of_an_electric_engine_depends_on_the_throttle_alone(own, tmp_path):
-    tables = wide_tables(str(own(power=1500, ixx=0.0005)))
+    tables = survey.wide_tables(str(own(power=1500, ixx=0.0005)))
     tables["engines"]["settle_s"] = 15.0
 
     def thrusts(*throttles):
@@ -1225,7 +1219,7 @@ def test_the_largest_part_of_the_drag_has_its_share_of_what_acts(aircraft, V_a):
     trimmed = _TrimProblem(fdm, ft.loop.FlightCondition(V_a=V_a, h=1000.0))
     trimmed.check(trimmed.steady())
 
-    name, share = _largest_drag(fdm)
+    name, share = survey._largest_drag(fdm)
 
     total, part = fdm.reader("forces/fwx-aero-lbs")(), fdm.reader(name)()
     assert share == pytest.approx(part / total, rel=1e-9)
