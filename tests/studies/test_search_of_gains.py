@@ -417,3 +417,15 @@ def test_draws_that_are_flown_in_parts_are_those_that_are_flown_at_once():
     assert first.excess.tolist() == at_once.excess[:3].tolist()
     assert last.excess.tolist() == at_once.excess.tolist()
     assert parts.flights == whole.flights == 4
+
+
+def test_unstable_gains_are_not_flown_and_are_the_worse_the_faster_they_diverge():
+    searching = search(draws=4)
+    faster = replace(UNSTABLE, K_P=2.0 * UNSTABLE.K_P)
+
+    slow, fast = searching.fly([UNSTABLE, faster])
+
+    assert slow.excess.shape == fast.excess.shape == (4, len(slow.checks[0]))
+    assert slow.excess.min() > meet.LOST
+    assert (fast.excess > slow.excess).all()
+    assert searching.flights == searching.candidates == 0
