@@ -13,7 +13,6 @@ from scipy import constants
 
 import flighttune as ft
 from flighttune.logs import checks, relations
-from flighttune.logs.relations import STEEP, Motion, _body_rate, _lift
 
 FEW = ("p sign", "n_z without gravity", "V_a in kn", "V_err sign")
 MORE = (
@@ -217,12 +216,12 @@ def test_pitch_rates_of_a_steep_climb_are_judged_by_a_heading_alone(heading):
         "v_down": -25.0 * np.sin(theta),
     } | ({"psi": 0.0 * theta} if heading else {})
 
-    given, expected = _body_rate(1)(Motion(columns, dt))
+    given, expected = relations._body_rate(1)(relations.Motion(columns, dt))
 
-    judged = np.ones(len(theta), bool) if heading else np.cos(theta) > STEEP + 0.01
+    judged = np.ones(len(theta), bool) if heading else np.cos(theta) > relations.STEEP + 0.01
     judged[[0, -1]] = False
     assert expected[judged] == pytest.approx(given[judged], rel=1e-3)
-    assert np.isnan(expected[np.cos(theta) < STEEP - 0.01]).all() == (not heading)
+    assert np.isnan(expected[np.cos(theta) < relations.STEEP - 0.01]).all() == (not heading)
 
 
 def test_units_that_are_mistaken_have_the_factors_of_their_definitions():
@@ -262,7 +261,7 @@ def test_without_a_velocity_the_load_factor_is_that_which_carries_the_weight(the
     angles = {"phi": 60.0, **theta}
     given = {name: np.full(50, np.radians(angle)) for name, angle in angles.items()}
 
-    lift = _lift(Motion({**given, "V_a": np.full(50, 25.0)}, 0.1))
+    lift = relations._lift(relations.Motion({**given, "V_a": np.full(50, 25.0)}, 0.1))
 
     assert lift == pytest.approx(np.full(50, load))
 
@@ -299,7 +298,7 @@ def right(name, others):
 def test_every_relation_holds_in_a_flight_that_obeys_the_laws_of_motion(agreeing, k):
     relation = relations.RELATIONS[k]
 
-    match = checks._match(relation, Motion(agreeing, 0.1))
+    match = checks._match(relation, relations.Motion(agreeing, 0.1))
 
     if relation.name == "f_y":  # no side force acts
         assert match.why == "the flight shows too little of path and attitude"
@@ -676,7 +675,9 @@ def test_the_ratio_of_a_column_grows_with_it_and_the_value_from_others_does_not(
     larger = agreeing | {name: 1.2 * agreeing[name]}
 
     for relation in (x for x in relations.RELATIONS if x.name == name and x.others != "down"):
-        before, after = (checks._match(relation, Motion(x, 0.1)) for x in (agreeing, larger))
+        before, after = (
+            checks._match(relation, relations.Motion(x, 0.1)) for x in (agreeing, larger)
+        )
         assert after.ratio == pytest.approx(1.2 * before.ratio, rel=1e-6)
         assert after.alike == pytest.approx(before.alike, abs=1e-6)
 
@@ -695,7 +696,7 @@ def test_logs_whose_columns_contradict_each_other_are_refused():
 def test_a_relation_that_does_not_hold_has_the_changes_that_may_mend_it():
     """A roll rate may be in degrees, of the other sign, late, or one of the two other rates."""
     given = {name: np.arange(200.0) for name in ("phi", *"pqr")}
-    motion, relation = Motion(given, 0.1), relations.RELATIONS[0]
+    motion, relation = relations.Motion(given, 0.1), relations.RELATIONS[0]
 
     def cures(used="p", **match):
         found = checks.Match("contradicts", frozenset(used), alike=0.9, **match)
@@ -752,7 +753,7 @@ def test_a_relation_that_does_not_hold_has_the_changes_that_may_mend_it():
     ],
 )
 def test_a_signal_is_made_from_the_columns_that_a_log_has(given, sources):
-    motion = Motion({name: np.ones(30) for name in ("phi", *given.split())}, 0.1)
+    motion = relations.Motion({name: np.ones(30) for name in ("phi", *given.split())}, 0.1)
 
     for name, expected in sources.items():
         assert motion.sources(name) == {*expected.split()}, name
@@ -821,7 +822,7 @@ def test_forces_of_a_turn_are_across_the_path_or_across_the_nose(nose):
     turn = climbing_turn()
     if nose is not None:  # beside the path and above the horizon
         turn = climbing_turn(psi=lambda chi: chi + nose[0], theta=lambda chi: nose[1] + 0.0 * chi)
-    motion = Motion(turn, 0.1)
+    motion = relations.Motion(turn, 0.1)
 
     right, up = (side[1:-1] for side in motion.across)
 
@@ -843,10 +844,12 @@ def test_a_path_without_a_climb_is_level_and_forces_on_a_steep_one_are_unknown()
     del level["v_down"]
     steep = climbing_turn() | {"v_down": np.full(80, -60.0)}
 
-    assert (Motion(level, 0.1).velocity[:, 2] == 0.0).all()
-    _, up = Motion(level, 0.1).across
+    assert (relations.Motion(level, 0.1).velocity[:, 2] == 0.0).all()
+    _, up = relations.Motion(level, 0.1).across
     assert up[1:-1] == pytest.approx(9.80665)
-    assert np.isnan(np.array(Motion(steep, 0.1).across)).all()  # cos(72 deg) is below 0.35
+    assert np.isnan(
+        np.array(relations.Motion(steep, 0.1).across)
+    ).all()  # cos(72 deg) is below 0.35
 
 
 @pytest.mark.parametrize("names", ["phi theta psi", "phi theta", "phi psi", "phi"])
@@ -854,12 +857,12 @@ def test_axes_of_the_body_are_those_of_its_angles_or_of_its_path(names):
     angles = {"phi": 0.4, "theta": 0.25, "psi": -1.1}
     given = climbing_turn() | {name: np.full(80, angles[name]) for name in names.split()}
 
-    axes = Motion(given, 0.1).axes
+    axes = relations.Motion(given, 0.1).axes
 
     pitch = given.get("theta", np.full(80, 0.2))
     yaw = given.get("psi", np.arctan2(given["v_east"], given["v_north"]))
     assert axes == pytest.approx(axes_of(given["phi"], pitch, yaw), abs=1e-12)
-    alone = Motion({"phi": given["phi"]}, 0.1).axes
+    alone = relations.Motion({"phi": given["phi"]}, 0.1).axes
     assert alone == pytest.approx(axes_of(given["phi"], 0.0 * yaw, 0.0 * yaw), abs=1e-12)
 
 
@@ -868,7 +871,7 @@ def test_a_vehicle_flies_above_5_mps_and_half_of_its_usual_speed():
     slow = np.array([4.9, 5.1, 5.0, 6.0, 7.0, 8.0, 5.2, 5.3])
 
     def flying(**speeds):
-        found = Motion({"phi": np.zeros(8)} | speeds, 0.1).flying
+        found = relations.Motion({"phi": np.zeros(8)} | speeds, 0.1).flying
         assert set(found[np.isfinite(found)]) <= {1.0}
         return np.isfinite(found).tolist()
 
@@ -884,7 +887,7 @@ def test_a_vehicle_flies_above_5_mps_and_half_of_its_usual_speed():
 def test_means_are_over_a_second_and_slopes_between_those_of_others(dt, span):
     n = 4 * span + 9
     t = dt * np.arange(n)
-    motion = Motion({"phi": 0.0 * t}, dt)
+    motion = relations.Motion({"phi": 0.0 * t}, dt)
 
     assert motion.span == span
     means = motion.smooth(t**2)
