@@ -41,7 +41,7 @@ def comparison(better, *, gains=("mine", "yours"), plants=("kinematic", "kinemat
         made_up_run({"chi": 0.0 * t}, t, plant=plant, gains_name=name)
         for name, plant in zip(gains, plants, strict=True)
     )
-    names = ("MO_rad", "settling_s", "ITAE", "rise_s", "effort_rms")
+    names = ("MO_rad", "settling_s", "ITAE", "rise_s", "ITSE", "IAE", "ISE", "ST_rad", "MS_rad")
     rows = [
         {"pair": 0, "run_a": a.label, "run_b": b.label, "channel": "chi", "name": name}
         | {"unit": "rad" if name == "MO_rad" else "s", "a": 0.1, "b": 0.3, "diff": 0.2, "better": x}
@@ -67,6 +67,11 @@ def comparison(better, *, gains=("mine", "yours"), plants=("kinematic", "kinemat
             "On kinematic B (B: two) is better in 3 of 5 measures, A (A: one) in 2: overshoot of "
             "course and rise time of course.",
         ),
+        (
+            "bbbbaaaaa", {},
+            "On kinematic A (mine) is better in 5 of 9 measures, B (yours) in 4: overshoot of "
+            "course, settling time of course (5\u00a0%), ITAE of course and 1 more.",
+        ),
         ("ab", {}, "On kinematic A and B are each better in 1 of 2 measures."),
         (
             "a", {"plants": ("kinematic", "point_mass")},
@@ -89,6 +94,8 @@ def test_compared_metrics_are_in_degrees_and_counted_by_the_better_run():
     assert (time["a"], time["better"]) == (0.1, "same")
     (pair,) = compare.pairs_table(made).records
     assert pair["better"] == {"a": 1, "b": 2, "same": 1}
+    (other,) = compare.pairs_table(comparison("aab")).records
+    assert other["better"] == {"a": 2, "b": 1, "same": 0}
     assert (pair["compared_s"], pair["max_distance_m"], pair["max_distance_at_s"]) == (9, 12, 3)
     assert compare.paired("law / a", "air / a") == "law / a | air / a"
     assert compare.paired("log", "log") == "log | log"
@@ -456,6 +463,16 @@ def test_the_gap_of_a_log_is_drawn_where_it_is_largest_in_degrees():
     assert [name for name, *_ in phi.legend] == ["kinematic", "x", "x, explained", "command", "log"]
     assert phi._seen[3][1] == pytest.approx(np.full(30, 0.2 / DEG))
     assert load._seen[1][1] == pytest.approx(np.ones(30))
+
+
+def test_a_proof_of_an_exact_rate_states_that_of_the_slowest_eigenvalue_without_sampling():
+    proven = ft.certify("paper", "paper").certificate
+    slowest = -np.linalg.eigvals(ft.loop.closed_loop(proven.model, proven.gains)).real.max()
+
+    (said,) = certificate.proven_in_words(proven)
+
+    assert said.startswith("Proven: errors shrink as ")
+    assert f"(true rate {slowest:.4g} 1/s) for the linear model. R_K" in said
 
 
 def test_a_proof_says_that_a_norm_decays_at_half_the_rate_of_its_square(certified):

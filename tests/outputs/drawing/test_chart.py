@@ -305,6 +305,13 @@ def test_names_of_a_legend_go_on_in_the_next_row_where_a_row_is_full():
     rows = [top for _, top, *_ in boxes]
     assert rows == sorted(rows)
     assert 1 < len({*rows}) < len(names)
+    # a line of 24 pixels stands before each name, at the middle of its height
+    marks = [x for x in root.iter(f"{SVG}g") if x.find(f"{SVG}path[@d='M0,0H24']") is not None]
+    assert len(marks) == len(names)
+    for mark, (left, top, _, bottom) in zip(marks, boxes, strict=True):
+        x, y = (float(z) for z in re.findall(r"[\d.]+", mark.get("transform")))
+        assert x + 24.0 < left
+        assert y == pytest.approx(0.5 * (top + bottom), abs=0.25 * LINE)
 
 
 def test_charts_of_a_sheet_leave_room_for_each_other_and_for_their_titles():
