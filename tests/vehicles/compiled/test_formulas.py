@@ -5,17 +5,22 @@ from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
+from compiled_parts import DT, engine_of, state_of
 from scipy.spatial.transform import Rotation
 
-from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_in
-from flighttune.vehicles.compiled.engines import _braking
-from flighttune.vehicles.compiled.pistons import _Air, _boosted, power_of
-from flighttune.vehicles.compiled.properties import Properties
-from flighttune.vehicles.compiled.tables import Table1, Table2, Table3
-from flighttune.vehicles.compiled.trace import Graph
-from flighttune.vehicles.compiled.turbines import turbine
-from flighttune.vehicles.compiled.turboprops import _approach
-from flighttune.vehicles.compiled.vectors import euler_angles, matrix_of, quaternion_of
+from flighttune.vehicles.compiled import (
+    air_data,
+    atmosphere,
+    engine_files,
+    engines,
+    pistons,
+    tables,
+    turbines,
+    turboprops,
+    turbulence,
+    vectors,
+)
+from flighttune.vehicles.plants.weather import Gust
 
 ROUNDING = 1e-12
 JSBSIM_DIGITS = 2e-4
@@ -42,7 +47,9 @@ FACTORS = [
 def test_a_unit_of_an_engine_is_worth_what_its_definition_says(given, wanted, factor):
     engine = fromstring(f'<engine><size unit="{given}">2.0</size></engine>')
 
-    assert value_in(engine, "size", wanted, 0.0) == pytest.approx(2.0 * factor, rel=JSBSIM_DIGITS)
+    assert engine_files.value_in(engine, "size", wanted, 0.0) == pytest.approx(
+        2.0 * factor, rel=JSBSIM_DIGITS
+    )
 
 
 @pytest.mark.parametrize("largest", range(4))
@@ -53,18 +60,18 @@ def test_a_quaternion_is_that_of_its_rotation_whichever_part_is_the_largest(larg
     # JSBSim's matrices turn axes, not vectors: the other way round
     matrix = Rotation.from_quat(parts, scalar_first=True).as_matrix().T
 
-    q = np.array(quaternion_of(matrix.tolist()))
+    q = np.array(vectors.quaternion_of(matrix.tolist()))
 
     assert q * np.sign(q @ parts) == pytest.approx(parts, abs=ROUNDING)
-    assert np.array(matrix_of(q.tolist())) == pytest.approx(matrix, abs=ROUNDING)
+    assert np.array(vectors.matrix_of(q.tolist())) == pytest.approx(matrix, abs=ROUNDING)
 
 
 @pytest.mark.parametrize(("start", "target", "lag"), [(30.0, 90.0, 1.5), (90.0, 30.0, 4.0)])
 def test_a_turboprop_spools_up_and_down_by_a_time_constant_for_each(start, target, lag):
-    value, dt, steps = start, 1.0 / 120.0, 240
+    value, dt, steps = start, DT, 240
 
     for _ in range(steps):
-        value = _approach(value, target, 1.5, 4.0, dt)
+        value = turboprops._approach(value, target, 1.5, 4.0, dt)
 
     left = (start - target) * math.exp(-steps * dt / lag)
     assert value == pytest.approx(target + left, rel=ROUNDING)
@@ -76,7 +83,7 @@ def test_a_turboprop_spools_up_and_down_by_a_time_constant_for_each(start, targe
 def test_angles_are_those_of_their_rotation_with_the_heading_from_0_to_2_pi(phi, theta, psi):
     matrix = Rotation.from_euler("ZYX", [psi, theta, phi]).as_matrix().T
 
-    assert euler_angles(matrix.tolist()) == pytest.approx((phi, theta, psi), abs=ROUNDING)
+    assert vectors.euler_angles(matrix.tolist()) == pytest.approx((phi, theta, psi), abs=ROUNDING)
 
 
 @pytest.mark.parametrize("theta", [0.5 * math.pi, -0.5 * math.pi])
@@ -84,25 +91,13 @@ def test_an_attitude_straight_up_or_down_has_its_turn_in_roll(theta):
     matrix = Rotation.from_euler("ZYX", [0.0, theta, 0.7]).as_matrix().T
     matrix[0, 2] = -math.copysign(1.0, theta)
 
-    assert euler_angles(matrix.tolist()) == pytest.approx((0.7, theta, 0.0), abs=ROUNDING)
-
-
-def engine_of(motor, pusher="<direct/>", thruster=""):
-    thruster = fromstring(f"<thruster>{thruster}</thruster>")
-    return EngineFile(0, fromstring(motor), thruster, fromstring(pusher), np.eye(3).tolist())
-
-
-def state_of(values):
-    now = Properties(Graph(), 1.0 / 120.0)
-    for name, value in values.items():
-        now[name] = value
-    return now
+    assert vectors.euler_angles(matrix.tolist()) == pytest.approx((0.7, theta, 0.0), abs=ROUNDING)
 
 
 def propeller(text, thruster="", **attributes):
     stated = " ".join(f'{name}="{value}"' for name, value in attributes.items())
     part = f"<propeller {stated}>{text}</propeller>"
-    return propeller_of(engine_of("<piston_engine/>", part, thruster))
+    return engine_files.propeller_of(engine_of("<piston_engine/>", part, thruster))
 
 
 @pytest.mark.parametrize(("version", "sign"), [("1.0", 1.0), ("1.01", -1.0), ("1.1", -1.0)])
@@ -136,7 +131,7 @@ def test_shafts_of_a_turbine_whose_file_states_no_speeds_turn_as_jsbsim_takes_th
     unmoved = dict.fromkeys((f"{at}/n1", f"{at}/n2", "_n2-norm0", "aero/qbar-psf"), 0.0)
     now = state_of(started | unmoved | {"atmosphere/sigma": 1.0})
 
-    turbine(now, jet)
+    turbines.turbine(now, jet)
 
     assert (now[f"{at}/n1"], now[f"{at}/n2"]) == pytest.approx((n_1, n_2), rel=ROUNDING)
 
@@ -156,7 +151,9 @@ def test_a_supercharger_is_held_at_its_boost_and_at_that_of_takeoff_by_a_lever_f
     )
     now = state_of({"fcs/throttle-pos-norm": lever})
 
-    manifold, lost = _boosted(now, charged, 101325.0, _Air(101325.0, 101325.0, 2600.0, 40.0))
+    manifold, lost = pistons._boosted(
+        now, charged, 101325.0, pistons._Air(101325.0, 101325.0, 2600.0, 40.0)
+    )
 
     expected = 101325.0 + boost * POUND_PER_INCH_2
     assert (manifold, lost) == pytest.approx((expected, 0.0), rel=JSBSIM_DIGITS)
@@ -174,7 +171,7 @@ def test_a_piston_engine_shows_that_it_runs_and_that_it_stands(rpm, fuel, runnin
     levers = dict.fromkeys(("fcs/throttle-pos-norm[0]", "fcs/mixture-pos-norm[0]"), 1.0)
     now = state_of(of_air | of_engine | levers)
 
-    power_of(now, engine_of("<piston_engine/>", "<propeller/>"))
+    pistons.power_of(now, engine_of("<piston_engine/>", "<propeller/>"))
 
     assert now[f"{at}/set-running"] == running
 
@@ -182,13 +179,16 @@ def test_a_piston_engine_shows_that_it_runs_and_that_it_stands(rpm, fuel, runnin
 @pytest.mark.parametrize("x", [-1.0, 2.0, 9.0])
 def test_a_table_of_one_row_or_column_or_point_has_no_slope_along_it(x):
     """FGTable.cpp, where an axis with a single point is not searched."""
-    line = Table1((0.0, 4.0), (1.0, 9.0)).at(x)
+    line = tables.Table1((0.0, 4.0), (1.0, 9.0)).at(x)
     assert line == pytest.approx(np.interp(x, (0.0, 4.0), (1.0, 9.0)), rel=ROUNDING)
 
-    assert Table1((2.0,), (7.0,)).at(x) == 7.0
-    assert Table2((2.0,), (0.0, 4.0), (1.0, 9.0)).at(-5.0, x) == line
-    assert Table2((0.0, 4.0), (2.0,), (1.0, 9.0)).at(x, -5.0) == line
-    assert Table3((2.0,), (Table2((0.0, 4.0), (2.0,), (1.0, 9.0)),)).at(x, 0.0, 5.0) == line
+    assert tables.Table1((2.0,), (7.0,)).at(x) == 7.0
+    assert tables.Table2((2.0,), (0.0, 4.0), (1.0, 9.0)).at(-5.0, x) == line
+    assert tables.Table2((0.0, 4.0), (2.0,), (1.0, 9.0)).at(x, -5.0) == line
+    assert (
+        tables.Table3((2.0,), (tables.Table2((0.0, 4.0), (2.0,), (1.0, 9.0)),)).at(x, 0.0, 5.0)
+        == line
+    )
 
 
 @pytest.mark.parametrize(
@@ -203,4 +203,72 @@ def test_an_engine_brakes_a_propeller_that_turns_and_nothing_else(pusher, rpm, p
     """FGPiston.cpp: below 0.1 1/min of the crankshaft, power is at least 0."""
     now = state_of({"propulsion/engine[0]/propeller-rpm": rpm})
 
-    assert _braking(now, engine_of("<piston_engine/>", f"<{pusher}/>"), power) == taken
+    assert engines._braking(now, engine_of("<piston_engine/>", f"<{pusher}/>"), power) == taken
+
+
+@pytest.mark.parametrize("mach", [0.4, 0.7, 0.999, 1.0, 1.05, 1.5, 2.5])
+def test_the_pressure_of_air_at_rest_is_isentropic_behind_a_normal_shock_above_mach_1(mach):
+    if mach < 1.0:
+        ratio = (1.0 + 0.2 * mach**2) ** 3.5
+    else:  # isentropic behind a normal shock
+        rise = (2.8 * mach**2 - 0.4) / 2.4
+        behind_2 = (0.4 * mach**2 + 2.0) / (2.8 * mach**2 - 0.4)
+        ratio = rise * (1.0 + 0.2 * behind_2) ** 3.5
+
+    assert atmosphere.stagnation_pressure(mach, 2000.0) == pytest.approx(
+        2000.0 * ratio, rel=ROUNDING
+    )
+
+
+@pytest.mark.parametrize(
+    ("velocity", "beta"), [((5e-4, 0.0, 5e-4), 0.0), ((1e-4, 30.0, 5e-4), math.pi / 2.0)]
+)
+def test_air_that_hardly_moves_has_no_angle_of_attack_and_no_rates(velocity, beta):
+    now = state_of({
+        **dict(zip(air_data.VELOCITY, velocity, strict=True)),
+        **dict(zip(air_data.VELOCITY_RATE, (1.0, 1.0, 2.0), strict=True)),
+        **dict.fromkeys((*air_data.ANGULAR_RATES, *air_data.TOTAL_WIND), 0.0),
+        "metrics/cbarw-ft": 2.0, "atmosphere/rho-slugs_ft3": 0.0024, "atmosphere/a-fps": 1116.0,
+    })  # fmt: skip
+    now.local_to_body, now.viscosity = np.eye(3).tolist(), 1.6e-4
+    now.turbulent_rates = [0.0] * 3
+
+    air_data._flow(now)
+
+    names = "alpha-rad", "alphadot-rad_sec", "betadot-rad_sec"
+    assert [now[f"aero/{name}"] for name in names] == [0.0] * 3
+    assert now["aero/beta-rad"] == pytest.approx(beta, abs=1e-4)
+
+
+@pytest.mark.parametrize(("axis", "body"), [("ahead", 0), ("right", 1), ("down", 2)])
+def test_a_gust_is_a_cosine_up_and_down_along_the_axis_where_it_began(axis, body):
+    """It is 3 m/s the other way: up in 5 steps from the fourth on, held for 3, then down in 5."""
+    gust = Gust(axis=axis, peak=-3.0, start=4 * DT, rise=5 * DT, hold=3 * DT)
+    numbers = turbulence.gust_numbers(gust, 1.0 / DT)
+    zero = (turbulence.GUST_COUNT, turbulence.GUST_TIME, turbulence.GUST_BLOWS)
+    now = state_of(
+        numbers | dict.fromkeys((*zero, *turbulence.GUST_DIRECTION, *turbulence.COSINE_GUST), 0.0)
+    )
+    first, turn = (
+        Rotation.from_euler("ZYX", [1.1, -0.2, 0.3]),
+        Rotation.from_rotvec([0.05, 0, 0.02]),
+    )
+    attitude, met = first, []
+    for _ in range(25):
+        now.local_to_body = attitude.as_matrix().T.tolist()
+        turbulence._cosine_gust(now)
+        met.append(now.vector(turbulence.COSINE_GUST))
+        attitude = attitude * turn  # the aircraft turns meanwhile
+
+    t = (np.arange(25) - 3) * DT  # the time since its beginning, at the fourth step
+    up, down = 0.5 * (1.0 - np.cos(np.pi * t / (5 * DT))), 13 * DT - t
+    size = np.select(
+        [t < 0.0, t <= 5 * DT, t <= 8 * DT, t <= 12.5 * DT],
+        [0.0, up, 1.0, 0.5 * (1.0 - np.cos(np.pi * down / (5 * DT)))],
+        0.0,
+    )
+    began = first * turn**3
+    along = began.as_matrix()[:, body] * -3.0 / FOOT
+    last = 15  # its last step ends where it is over
+    assert np.array(met)[:last] == pytest.approx(np.outer(size, along)[:last], abs=1e-6)
+    assert not np.array(met)[17:].any()

@@ -4,6 +4,7 @@ from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
+from compiled_parts import DT, engine_of, state_of
 from scipy.spatial.transform import Rotation
 
 from flighttune.vehicles.compiled import (
@@ -17,26 +18,9 @@ from flighttune.vehicles.compiled import (
     trace,
     turboprops,
 )
-from flighttune.vehicles.compiled.properties import Properties, Unsupported
+from flighttune.vehicles.compiled.properties import Unsupported
 
 AT = "propulsion/engine"
-DT = 0.01
-
-
-def state(values=(), **how):
-    """Properties before a step of 0.01 s."""
-    now = Properties(trace.Graph(), DT)
-    for name, value in dict(values).items():
-        now[name] = value
-    for name, value in how.items():
-        setattr(now, name, value)
-    return now
-
-
-def engine(motor, pusher="<direct/>", thruster=""):
-    axes = np.eye(3).tolist()
-    thruster = fromstring(f"<thruster>{thruster}</thruster>")
-    return engine_files.EngineFile(0, fromstring(motor), thruster, fromstring(pusher), axes)
 
 
 ROCKET = "<rocket_engine><minthrottle>0.3</minthrottle>{}</rocket_engine>"
@@ -51,10 +35,10 @@ OF_MACH = (
 )
 def test_a_liquid_rocket_burns_above_its_least_throttle(isp, lever, thrust):
     """4 lb a second, of an impulse of 250 s or of a function."""
-    now = state({f"{AT}/isp": 250.0, "_propellant0": 4.0, "velocities/mach": 0.5})
+    now = state_of({f"{AT}/isp": 250.0, "_propellant0": 4.0, "velocities/mach": 0.5})
     now["fcs/throttle-pos-norm"] = lever
 
-    assert engines._rocket(now, engine(ROCKET.format(isp))) == pytest.approx(thrust)
+    assert engines._rocket(now, engine_of(ROCKET.format(isp))) == pytest.approx(thrust)
 
 
 @pytest.mark.parametrize(
@@ -68,12 +52,12 @@ def test_a_liquid_rocket_burns_above_its_least_throttle(isp, lever, thrust):
     ],
 )
 def test_an_engine_that_is_not_known_is_left_to_jsbsim(motor, pusher, how, said):
-    now = state({"fcs/throttle-pos-norm": 1.0, f"{AT}/x-position": 0.0}, **how)
+    now = state_of({"fcs/throttle-pos-norm": 1.0, f"{AT}/x-position": 0.0}, **how)
     for axis in "xyz":
         now[f"{AT}/{axis}-position"] = 0.0
 
     with pytest.raises(Unsupported, match=said):
-        engines._push(now, engine(motor, pusher))
+        engines._push(now, engine_of(motor, pusher))
 
 
 @pytest.mark.parametrize(
@@ -83,9 +67,9 @@ def test_an_engine_that_is_not_known_is_left_to_jsbsim(motor, pusher, how, said)
 def test_an_electric_engine_without_a_thruster_pushes_with_its_power(power, unit, lever, thrust):
     """In ft lbf/s, 550 of which are a horsepower of 745.7 W."""
     part = "" if power is None else f'<power unit="{unit}">{power}</power>'
-    now = state({"fcs/throttle-pos-norm": lever} | {f"{AT}/{x}-position": 7.0 for x in "xyz"})
+    now = state_of({"fcs/throttle-pos-norm": lever} | {f"{AT}/{x}-position": 7.0 for x in "xyz"})
 
-    push = engines._push(now, engine(f"<electric_engine>{part}</electric_engine>"))
+    push = engines._push(now, engine_of(f"<electric_engine>{part}</electric_engine>"))
 
     assert push.thrust == pytest.approx(thrust, rel=1e-4)
     assert push.place == [7.0] * 3
@@ -98,7 +82,7 @@ def test_a_nozzle_loses_the_pressure_of_the_air_on_its_area_and_never_pulls():
     values |= {f"{AT}/{x}-position": 0.0 for x in "xyz"}
 
     thrusts = [
-        engines._push(state(values | {"atmosphere/P-psf": psf}), engine(motor, area)).thrust
+        engines._push(state_of(values | {"atmosphere/P-psf": psf}), engine_of(motor, area)).thrust
         for psf in (0.0, 1000.0, 9000.0)
     ]
 
@@ -108,7 +92,7 @@ def test_a_nozzle_loses_the_pressure_of_the_air_on_its_area_and_never_pulls():
 def test_forces_of_each_frame_of_axes_come_out_in_body_axes():
     """Drag and lift, axial and normal point backwards and up; X and Z ahead and down."""
     turn = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    now = state(wind_to_body=turn)
+    now = state_of(wind_to_body=turn)
 
     found = [
         [*aerodynamics._in_body_axes(now, [1.0, 2.0, 3.0], axes)]
@@ -197,7 +181,7 @@ def test_masses_with_a_form_are_left_to_jsbsim(point, more, said):
 )
 def test_a_function_that_is_not_known_is_left_to_jsbsim(text, said):
     with pytest.raises(Unsupported, match=said):
-        functions.hidden_function(state(), fromstring(text))
+        functions.hidden_function(state_of(), fromstring(text))
 
 
 @pytest.mark.parametrize(("x", "whole"), [(0.5, 1.0), (-0.5, -1.0), (1.49, 1.0), (-2.5, -3.0)])
@@ -206,13 +190,13 @@ def test_a_number_is_rounded_away_from_zero_as_in_c(x, whole):
 
 
 def test_a_file_of_an_engine_in_other_units_or_forms_is_left_to_jsbsim():
-    of = engine(
+    of = engine_of(
         '<e><thrust unit="KN">1</thrust><function type="post"><value>1</value></function></e>'
     )
     with pytest.raises(Unsupported, match='<thrust> in "KN"'):
         engine_files.value_in(of.motor, "thrust", "LBS", 0.0)
     with pytest.raises(Unsupported, match='a function of type "post"'):
-        engine_files.functions_of(state(), of, ())
+        engine_files.functions_of(state_of(), of, ())
 
 
 def test_functions_of_an_engine_are_shown_below_it_if_jsbsim_knows_their_names():
@@ -220,9 +204,9 @@ def test_functions_of_an_engine_are_shown_below_it_if_jsbsim_knows_their_names()
         f'<function name="{name}"><value>{x}</value></function>'
         for name, x in (("MilThrust", 3), ("own", 4))
     )
-    now = state()
+    now = state_of()
 
-    found = engine_files.functions_of(now, engine(f"<e>{text}</e>"), ("MilThrust",))
+    found = engine_files.functions_of(now, engine_of(f"<e>{text}</e>"), ("MilThrust",))
 
     assert found == {"MilThrust": 3.0, "own": 4.0}
     assert now[f"{AT}/MilThrust"] == 3.0
@@ -245,7 +229,7 @@ def test_thrusters_are_turned_by_roll_pitch_and_yaw_and_pointing_ones_are_refuse
 
 
 def test_a_component_that_is_not_known_is_left_to_jsbsim():
-    now = state({"a": 1.0})
+    now = state_of({"a": 1.0})
     known = set()
     for text, said in (
         ("<gyro/>", "the component <gyro>"),
@@ -257,13 +241,13 @@ def test_a_component_that_is_not_known_is_left_to_jsbsim():
 
 
 def test_a_supercharger_in_a_trim_is_left_to_jsbsim():
-    charged = engine(
+    charged = engine_of(
         "<piston_engine><numboostspeeds>1</numboostspeeds><ratedboost1>2</ratedboost1>"
         "<ratedpower1>900</ratedpower1><ratedaltitude1>8000</ratedaltitude1></piston_engine>"
     )
 
     with pytest.raises(Unsupported, match="a supercharger in a trim"):
-        pistons.power_of(state(trimming=True), charged)
+        pistons.power_of(state_of(trimming=True), charged)
 
 
 def test_a_turboprop_without_its_tables_is_left_to_jsbsim():
@@ -273,12 +257,12 @@ def test_a_turboprop_without_its_tables_is_left_to_jsbsim():
         f"{AT}/n1": 50.0,
         f"{AT}/propeller-rpm": 0.0,
     }
-    of = engine("<turboprop_engine/>", "<propeller/>")
+    of = engine_of("<turboprop_engine/>", "<propeller/>")
 
     with pytest.raises(Unsupported, match="without the table EnginePowerRPM_N1"):
-        turboprops.turboprop(state(values), of)
+        turboprops.turboprop(state_of(values), of)
     with pytest.raises(Unsupported, match="without EnginePowerVC"):
-        turboprops._by_airspeed(state(), of)
-    now = state(values, trimming=True)
+        turboprops._by_airspeed(state_of(), of)
+    now = state_of(values, trimming=True)
     assert turboprops.turboprop(now, of) == 0.0
     assert now["_first0"] == 1.0
