@@ -16,19 +16,19 @@ pytestmark = pytest.mark.slow
 
 
 DIGITS = 1e-5
-"""Of the largest value of a signal: each direction has a trim of its own."""
+"""Tolerance, as a share of the largest value of a signal: each direction has its own trim."""
 
 NOTHING = 1e-6
-"""Of any number of an answer."""
+"""Numbers of an answer that differ by less are equal."""
 
 SMALL = 0.01
-"""A signal that stays below is as good as 0."""
+"""Largest value of a signal below which the tolerance does not shrink further."""
 
 TURN = 70.0
 """Degrees by which a scenario is turned."""
 
 LATER = 2.0
-"""Seconds by which a reference is later: a hundred samples."""
+"""Seconds by which a reference begins later: a hundred samples."""
 
 LAW = {"kind": "kinematic"}
 LAGGED = {"kind": "point_mass_lag", "roll_lag_rad_s": 8.0, "n_z_lag_rad_s": 6.0}
@@ -40,7 +40,7 @@ CORNERS = [(0.0, 0.0, 0.0), (420.0, 80.0, 10.0), (560.0, 480.0, 10.0), (150.0, 7
 
 def turned_by(angle, north, east):
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    return float(c * north - s * east), float(s * north + c * east)
+    return c * north - s * east, s * north + c * east
 
 
 def turn_in_wind(plant, *, by=0.0, side=1.0, later=0.0):
@@ -83,7 +83,7 @@ def route(plant, *, by=0.0, side=1.0):
     """Four legs and two circles in a steady wind."""
     places = [turned_by(by, north, side * east) for north, east, _ in CORNERS]
     waypoints = [
-        {"north_m": north, "east_m": east, "up_m": up}
+        {"north_m": float(north), "east_m": float(east), "up_m": up}
         for (north, east), (*_, up) in zip(places, CORNERS, strict=True)
     ]
     waypoints[2] |= {"turns": 1.5 * side, "radius_m": 180.0}
@@ -106,7 +106,7 @@ TO_THE_SIDE = {
     *("d_chi", "chi_ref", "chi_err", "phi_cmd", "phi_unlimited", "phi_integral"),
     *("cross_track", "chi_dot_cmd", "chi_dot_integral", "chi_dot_unlimited"),
 }
-"""Signals whose sign is the side; what is not to the side is the same on both."""
+"""Signals that change their sign in the mirror; all others are the same on both sides."""
 
 
 def assert_same(these, those, name):
@@ -124,7 +124,7 @@ def test_a_scenario_that_is_turned_is_flown_turned(made, plant):
 
     back = {name: there[name].to_numpy().copy() for name in there}
     for north, east in (("north", "east"), ("wind_north", "wind_east")):
-        back[north], back[east] = turned_back(back[north], back[east])
+        back[north], back[east] = turned_by(-TURN, back[north], back[east])
     for name in {"chi", "psi", "chi_ref"} & back.keys():
         back[name] -= np.radians(TURN)
         if made is route:  # a course of a route counts from wherever it begins
@@ -133,11 +133,6 @@ def test_a_scenario_that_is_turned_is_flown_turned(made, plant):
             )
     for name in here:
         assert_same(here[name], back[name], name)
-
-
-def turned_back(north, east):
-    c, s = np.cos(np.radians(TURN)), np.sin(np.radians(TURN))
-    return c * north + s * east, c * east - s * north
 
 
 @pytest.mark.parametrize(("made", "plant"), FLIGHTS)
@@ -175,7 +170,6 @@ def numbers(value, name=""):
 
 
 FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.5, "confidence": 0.9, "learn": 10}
-SLOPES = "K_P.phi.chi", "K_I.n_z.gamma"
 VERBS = {
     "certify": (lambda scenario: ft.certify(scenario, "coupled"), LAW),
     "gap": (lambda scenario: ft.gap(scenario, "coupled"), AIRCRAFT),

@@ -1,4 +1,4 @@
-"""Checks of values from outside: each end of what they take, and what they say of the rest."""
+"""Checks of values that users give: both ends of each range, and the words of a refusal."""
 
 import math
 
@@ -9,7 +9,7 @@ import flighttune as ft
 from flighttune.base import arrays
 from flighttune.base.errors import ShapeError
 
-# A check, what it takes, and what it refuses with its words
+# A check, the values that it takes, and those that it refuses, each with its message
 CHECKS = {
     "positive": (arrays.check_positive, (1e-300, 5, None), {
         0.0: "must be positive, got 0.0", -1: "got -1.", math.inf: "got inf", math.nan: "got nan",
@@ -39,7 +39,7 @@ CHECKS = {
 
 
 @pytest.mark.parametrize("name", CHECKS)
-def test_a_check_takes_its_range_and_says_what_it_refuses(name):
+def test_a_check_takes_its_range_and_names_a_value_outside(name):
     check, taken, refused = CHECKS[name]
     if name in ("positive", "not negative"):
         of, check = check, lambda x: of(x=x)
@@ -51,7 +51,7 @@ def test_a_check_takes_its_range_and_says_what_it_refuses(name):
             check(value)
 
 
-def test_a_check_says_the_unit_and_the_first_of_several_names():
+def test_a_refusal_has_the_unit_and_the_first_bad_name_of_several():
     with pytest.raises(ft.InputError, match=r"^`b` must be positive, got -1.0 m/s\.$"):
         arrays.check_positive("m/s", a=1.0, b=-1.0, c=-2.0)
 
@@ -65,7 +65,7 @@ def test_a_check_says_the_unit_and_the_first_of_several_names():
         ({}, "a dict"), (object(), "an object"),
     ],
 )  # fmt: skip
-def test_a_message_repeats_a_value_that_fits_a_line_and_else_its_kind(value, said):
+def test_a_message_has_a_value_that_fits_a_line_and_the_kind_of_any_other(value, said):
     assert arrays.got(value) == said
 
 
@@ -90,7 +90,7 @@ def test_spans_are_from_the_first_true_to_one_past_the_last():
         ([[1.0], [1.0, 2.0]], None, "must be real numbers in rows of one length, got a list"),
     ],
 )
-def test_what_is_no_square_matrix_is_refused(value, axes, message):
+def test_an_array_that_is_not_square_real_and_finite_is_refused(value, axes, message):
     with pytest.raises(ft.InputError, match=message):
         arrays.square_matrices("A", value, axes)
 

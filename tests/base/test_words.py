@@ -23,7 +23,7 @@ def test_a_note_is_a_sentence_and_a_command_can_be_copied(note, said):
     assert words.sentence(note) == said
 
 
-# A function, and what it makes of values
+# A function, and pairs of its arguments and the text that it writes
 WRITTEN = [
     (words.number, [((2.0 / 3.0,), "0.6667"), ((math.inf,), "∞"), ((-math.inf,), "−∞"),
                     ((math.nan,), "–"), ((2.0, ".1f"), "2.0")]),

@@ -231,25 +231,6 @@ def test_a_change_is_the_shorter_way_round(start, end, change):
 
 
 @pytest.mark.parametrize(
-    ("dt", "frequency", "longest"),
-    # Steps are samples, or a part of the time constant of the faster lag; 40 000 in 200 s at most.
-    [
-        (0.02, None, 200.0),
-        (0.001, None, 40.0),
-        (0.02, 1e3, 40_000 * feasible.FINEST / 1e3),
-        (0.001, 0.1, 40.0),
-    ],
-)
-def test_a_change_may_take_as_long_as_its_computation(dt, frequency, longest):
-    lags = None
-    if frequency:
-        lags = tuple(
-            ft.loop.InnerLag(order=1, natural_frequency=w) for w in (0.5 * frequency, frequency)
-        )
-    assert replace(PAPER, dt=dt, lags=lags).longest == pytest.approx(longest)
-
-
-@pytest.mark.parametrize(
     ("lag", "rest"),
     [
         ({"order": 1, "natural_frequency": 4.0, "damping": 0.5, "delay": 0.1}, 0.1 + 12.0 / 4.0),
@@ -278,7 +259,7 @@ def at_knots(x, manoeuvre=GENTLE):
     return [[first, *inner, last] for (first, last), inner in zip(ends, (phi, n_z), strict=True)]
 
 
-# Of 64 steps of the classical Runge-Kutta method in a change of some 8 s, rad.
+# Error of 64 steps of the classical Runge-Kutta method in a change of some 8 s, rad.
 INTEGRATION = 1e-6
 
 
@@ -311,20 +292,3 @@ def test_the_rows_of_the_rate_limits_are_those_of_the_changes_between_knots():
             sign * steps[i] - most[side, i] for i in range(2) for side, sign in enumerate((-1, 1))
         ]
         assert excess == pytest.approx(np.concatenate(expected))
-
-
-@pytest.mark.parametrize(("turn", "bank"), [(-1.0, -18.0), (1.0, 15.0), (0.0, 0.0)])
-def test_the_first_plan_rolls_to_half_of_the_limit_and_back(turn, bank):
-    manoeuvre = replace(PAPER, end=(PAPER.start[0] + turn, PAPER.end[1]), upper=(30.0 * DEG, 1.88))
-
-    *plan, duration = feasible._first_plan(manoeuvre)
-
-    phi, n_z = at_knots(np.append(plan, duration), manoeuvre)
-    share = np.linspace(0.0, 1.0, feasible.KNOTS + 1)
-    if turn:
-        assert phi == pytest.approx(bank * DEG * np.sin(math.pi * share))
-    assert n_z == pytest.approx(
-        math.cos(45.0 * DEG) + share * (math.cos(15.0 * DEG) - math.cos(45.0 * DEG))
-    )
-    turning = abs(turn) / (9.81 / 25.0 * math.tan(bank * DEG)) if turn else 0.0
-    assert duration == pytest.approx(2.0 + abs(turning) + 30.0 * DEG * 25.0 / 9.81)

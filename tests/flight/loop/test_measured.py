@@ -58,7 +58,7 @@ def test_at_the_first_sample_the_velocity_follows_from_course_airspeed_and_wind(
 
 
 def seen(error, places=(18, 8, 9), numbers=(0.5, 400.0, 0.25), begun=True):
-    """A row of signals with those that a law sees behind them; the row before in a table."""
+    """Signals that a law sees, of a true row and the row before it."""
     #      chi  gamma  phi  n_z  V_a   north  east  down  h      wind
     true = [0.7, 0.1, 0.3, 1.2, 25.0, 110.0, 60.0, -5.0, 907.0, 3.0, -2.0, 0.5]
     row = [*true, *[0.0] * 6, *[0.0] * 12]
@@ -126,7 +126,7 @@ def test_errors_are_drawn_on_as_far_as_a_flight_needs_them():
 
 
 def given(names, now, before=None, dt=0.5):
-    """What a law is given of a plant with these signals, at a second sample after one before."""
+    """Measurements of a law from a plant with these signals, after an earlier sample if any."""
     measured = measured_of(SimpleNamespace(signals=tuple(names)), 400.0, dt)
     if before:
         measured(tuple(before[name] for name in names))

@@ -47,7 +47,7 @@ def test_the_wind_of_a_moment_is_that_of_the_weather(h, swing):
 
 
 def test_the_wind_of_a_step_lies_between_those_of_every_fourth_at_the_height_to_come():
-    """The aircraft climbs by 8 ft in four steps, then by 2, and by as much as before after that."""
+    """The aircraft climbs by 8 ft in four steps, then by 2; each climb is expected to go on."""
     h = 500.0
     flight = motion()
     flight.wind[:3] = compiled._wind_at(flight, 0.0, h)
@@ -113,7 +113,7 @@ def test_a_flight_is_inside_its_envelope_strictly_between_all_bounds(place):
 
 
 def test_steps_go_as_far_as_the_next_change_or_are_one_each_in_wind_that_changes():
-    """A step is told how many to make and whether it shows what the flight is judged by."""
+    """Each call has a number of steps, and 1 if it shows the signals of the envelope."""
 
     def pieces(n, clock=0, **changes):
         told, drawn = [], []

@@ -84,6 +84,7 @@ TEST = """<test logic="AND" value="0.75"> attitude/phi-rad gt 0.05
 
 COMPONENTS = {
     "summer": f"{ROLL}<input>-attitude/phi-rad</input><bias>0.01</bias>{CLIPPED}",
+    "summer with an upper bound alone": f"{ROLL}<clipto><max>0.1</max></clipto>",
     "summer with crossed bounds": f"{ROLL}{CROSSED}",
     "pure_gain": f"{ROLL}{GAIN}",
     "pure_gain by a property": f"{ROLL}<gain>velocities/vt-fps</gain>{TURNING}",

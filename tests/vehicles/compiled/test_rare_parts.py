@@ -1,4 +1,4 @@
-"""Parts that few models have, in plain numbers: what they compute, and what only JSBSim flies."""
+"""Parts that few models have: forces, masses, and the refusal of those that only JSBSim flies."""
 
 from xml.etree.ElementTree import fromstring
 
@@ -34,7 +34,7 @@ OF_MACH = (
     [("", 0.3, 250.0 * 4.0), ("", 0.29, 0.0), (OF_MACH, 1.0, 300.0 * 0.5 * 4.0)],
 )
 def test_a_liquid_rocket_burns_above_its_least_throttle(isp, lever, thrust):
-    """4 lb a second, of an impulse of 250 s or of a function."""
+    """Its propellant flows at 4 lb/s; its specific impulse is 250 s or that of a function."""
     now = state_of({f"{AT}/isp": 250.0, "_propellant0": 4.0, "velocities/mach": 0.5})
     now["fcs/throttle-pos-norm"] = lever
 
@@ -65,7 +65,7 @@ def test_an_engine_that_is_not_known_is_left_to_jsbsim(motor, pusher, how, said)
     [("745.7", "WATTS", 0.5, 275.0), ("2", "HP", 1.0, 1100.0), (None, None, 1.0, 550.0)],
 )
 def test_an_electric_engine_without_a_thruster_pushes_with_its_power(power, unit, lever, thrust):
-    """In ft lbf/s, 550 of which are a horsepower of 745.7 W."""
+    """Its thrust in lbf is its power in ft lbf/s, 550 of which are a horsepower of 745.7 W."""
     part = "" if power is None else f'<power unit="{unit}">{power}</power>'
     now = state_of({"fcs/throttle-pos-norm": lever} | {f"{AT}/{x}-position": 7.0 for x in "xyz"})
 
@@ -111,7 +111,7 @@ NUMBERS = {"{{w}}": 1000.0, "{{x}}": 50.0, "{{y}}": 1.0, "{{z}}": -5.0}
 NUMBERS |= {"{{a}}": 800.0, "{{b}}": 1200.0, "{{c}}": 1700.0} | dict.fromkeys(
     ("{{d}}", "{{e}}", "{{f}}"), 0.0
 )
-# A pilot, a bag and a tank: lb and inches, x backwards and z upwards
+# Weights (lb) and places (in; x backwards, z upwards) of a pilot, a bag and a tank
 LOADS = [(180.0, (40.0, -10.0, 10.0)), (30.0, (90.0, 0.0, 0.0)), (120.0, (60.0, 20.0, -8.0))]
 
 

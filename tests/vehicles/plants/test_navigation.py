@@ -421,7 +421,7 @@ def test_densities_and_deviations_are_those_of_drawn_errors():
 
 
 def test_the_constant_parts_of_errors_have_their_deviations():
-    """Everything else is zero: load factors, roll, airspeed and height err by constants."""
+    """Roll, load factors, airspeed and height have constant errors; every other error is 0."""
     biases = {"roll_bias_sd": 0.02, "n_z_bias_sd": 0.05, "airspeed_scale_sd": 0.04}
     only = ZERO | biases | {"height_of_q": 0.1}
     drawn = np.array([standard(seed=i, **only).errors(3, DT, V) for i in range(24)])
