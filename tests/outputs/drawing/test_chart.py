@@ -24,7 +24,7 @@ def drawn(chart):
     return ElementTree.fromstring(chart.svg().replace("<svg ", f'<svg xmlns="{SVG[1:-1]}" ', 1))
 
 
-def axes_of(chart):
+def plot_axes(chart):
     """Ends of both axes, and width and height of the plot in pixels, as a page reads them."""
     return [float(value) for value in drawn(chart).get("data-axes").split()]
 
@@ -57,7 +57,7 @@ def test_values_come_back_from_pixels_as_a_page_reads_them():
     chart = Chart(title="decay", y="norm", log="y")
     chart.line(x, y, BLUE, run="kinematic / paper")
 
-    x0, x1, y0, y1, width, height = axes_of(chart)
+    x0, x1, y0, y1, width, height = plot_axes(chart)
     (path,) = (one for one in drawn(chart).iter(f"{SVG}path") if one.get("data-name"))
     px, py = points(path.get("d")).T
 
@@ -216,7 +216,7 @@ def test_equal_scales_have_room_for_both_extents_about_their_middles(extent):
     chart = Chart(title="", equal=True)
     chart.line([0.0, extent[0]], [0.0, extent[1]], BLUE)
 
-    low_x, high_x, low_y, high_y, width, height = axes_of(chart)
+    low_x, high_x, low_y, high_y, width, height = plot_axes(chart)
 
     assert (high_x - low_x) / width == pytest.approx((high_y - low_y) / height, rel=SIX_DIGITS)
     assert (low_x + high_x, low_y + high_y) == pytest.approx(extent, rel=SIX_DIGITS)
