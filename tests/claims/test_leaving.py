@@ -221,3 +221,22 @@ def test_a_volume_keeps_flights_in_and_out_of_its_areas_and_between_its_heights(
         [25.0, 50.0, 20.0], [-10.0, 20.0, 50.0], [-30.0, -10.0, 80.0], [10.0, 75.0, -5.0]
     ]))  # fmt: skip
     assert np.isinf(WIDE.margins(np.zeros((1, 3)))[0, 1:]).all()
+
+
+@pytest.mark.parametrize("beyond", [-0.5, 0.5])
+def test_a_fall_begins_at_the_height_at_which_the_record_ends(beyond):
+    """At 10 m/s upwards for 3 s it is 30 m higher, and falls farther by 1.5 m."""
+    far = 3.0 * V + FAR + 30.0 * FALL + beyond
+    ring = ((-2e4, -2e4), (far, -2e4), (far, 2e4), (-2e4, 2e4))
+    volume = leaving.Volume(rings=(ring,), outside=(False,), low=None, high=None)
+    fallen = probe(volume, "cut", 0.5, fall_per_height=FALL)
+
+    left = fallen(flight(3.0, status="left_envelope", climb=10.0), FAULTY)[0]
+
+    assert left == pytest.approx(NEVER if beyond > 0.0 else 3.0)
+
+
+def test_a_fault_of_the_receiver_begins_where_its_scenario_says():
+    scenario = made_up_scenario(navigation={"fault": {"from_s": 2.5, "jump_m": 10.0}})
+
+    assert leaving.fault_time(scenario) == 2.5
