@@ -299,7 +299,7 @@ def test_a_log_that_cannot_be_flown_says_what_is_missing(log, says):
 
 
 def test_a_difference_is_that_of_common_signals_after_the_start_has_decayed():
-    """5 s of 12 at 2 Hz do not count; a drifting signal has no mean in a stretch."""
+    """The first 5 of 12 s do not count; a signal that drifts loses its mean over a stretch."""
     t = np.array([[0.0], [50.0]]) + 0.5 * np.arange(24)
     logged = {"chi": 0.1 + 0.02 * t, "phi": 0.3 + 0.0 * t, "n_z": 1.0 + 0.0 * t, "tail": 0.0 * t}
     flown = {"chi": 0.0 * t, "phi": 0.1 + 0.0 * t, "n_z": np.where(t > 56.0, np.nan, 0.9)}

@@ -357,7 +357,7 @@ def test_a_route_is_completed_within_the_look_ahead_of_its_end(place, options, s
 
 
 def test_the_displacement_of_a_flight_is_its_largest_distance_from_its_places():
-    """3, 4 and 12 m off, and 13 m in all; behind the start the place is the start."""
+    """A flight 3, 4 and 12 m off its place is 13 m off; behind the start its place is the start."""
     route = straight_route()
     along, right, below = np.array([0.0, 300.0, 250.0, 600.0]), 5.0, 2.0
     s = np.maximum.accumulate(along) / math.sqrt(2.0)

@@ -898,7 +898,7 @@ def test_areas_without_details_stay_on_the_safe_side():
     assert len(room.exterior.coords) < len(area.exterior.coords)
 
 
-def test_rings_of_an_area_have_its_holes_to_stay_out_of():
+def test_rings_of_an_area_say_which_are_holes():
     outer, hole = (shapely.box(*ends).exterior.coords for ends in ((0, 0, 90, 90), (9, 9, 20, 20)))
     shape = shapely.Polygon(outer, [hole])
     two = shapely.MultiPolygon([shape, shapely.box(200, 0, 300, 50)])

@@ -52,9 +52,9 @@ def climbing(low, high):
     return Envelope(V_a=(25.0, 25.0), gamma=(low, high), phi=(0.0, 0.0), n_z=(0.9, 1.0))
 
 
-def within(gamma):
-    """The part of the way from `GAMMA` to an angle."""
-    return pytest.approx(gamma, rel=2.0 * tuned_over.FACTOR_TOLERANCE)
+def within(factor):
+    """Factors of an envelope, as near as bisection finds them."""
+    return pytest.approx(factor, rel=2.0 * tuned_over.FACTOR_TOLERANCE)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_a_curve_of_rates_ends_where_no_common_Q_is_left_or_where_it_was_asked_t
 def test_a_search_begins_on_the_part_of_an_envelope_that_its_gains_have(
     monkeypatch, gains, high, part
 ):
-    """Without a step of the gains it ends there."""
+    """A search of no steps ends where it begins."""
     monkeypatch.setattr(tuned_over, "ITERATIONS", 0)
     model = ft.loop.kinematic_model(V_a=25.0, gamma=GAMMA, g=G)
     problem = ft.loop.TuningProblem(model=model)

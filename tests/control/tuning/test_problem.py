@@ -173,7 +173,7 @@ def test_what_a_problem_lacks_is_said_of_the_gains_of_the_smallest_radius(model,
     ("status", "solved"),
     [("optimal", True), ("found", True), ("infeasible", False), ("failed", False)],
 )
-def test_an_optimum_of_either_kind_is_a_solution(model, status, solved):
+def test_gains_that_are_optimal_or_found_solve_their_problem(model, status, solved):
     problem = ft.loop.TuningProblem(model=model)
 
     found = ft.TuningResult(status=status, reason="", method="some", problem=problem)
