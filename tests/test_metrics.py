@@ -321,7 +321,7 @@ def test_the_end_is_judged_by_the_change_but_along_no_route_and_of_no_steady_air
 @pytest.mark.parametrize(
     ("limited", "command", "unlimited", "held"),
     [
-        # Of 16 samples the last quarter, from 11.25 s on, has four.
+        # The last quarter of 16 samples begins at 11.25 s and has four.
         ([1, 1, 0, 0], [1, 1, 1, 1], [2, 2, 2, 2], None),
         ([1, 1, 1, 0], [1, 1, 1, 1], [2, 2, 2, 2], (0.75, 0.0, 0.0)),
         ([1, 1, 1, 1], [1, 0, 1, 0], [2, -1, 2, -1], (1.0, 0.0, 3.0)),

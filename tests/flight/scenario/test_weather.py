@@ -98,51 +98,6 @@ def test_tables_of_errors_and_gusts_are_those_in_si():
     assert (both.severity, both.wind_20ft, both.model) == (5, 12.0, "milspec")
 
 
-@pytest.mark.parametrize(
-    ("made", "said"),
-    [
-        (lambda: weather_keys.TurbulenceTable(), "`intensity` must be given"),
-        (lambda: weather_keys.TurbulenceTable(severity=3), "`intensity` must be given"),
-        (
-            lambda: weather_keys.TurbulenceTable(intensity="light", severity=3, wind_20ft_mps=1.0),
-            "`intensity` must be given",
-        ),
-        (lambda: weather_keys.WindTable(speed_mps=3.0), "`speed_mps` and `from_deg` must be given"),
-        (
-            lambda: weather_keys.WindTable(down_mps=1.0, level=[{
-                "h_m": 0.0, "speed_mps": 1.0, "from_deg": 0.0,
-            }]),
-            "`down_mps` must be absent where there are levels",
-        ),
-        (
-            lambda: weather_keys.WindTable(level=[
-                {"h_m": 5.0, "speed_mps": 1.0, "from_deg": 0.0} for _ in range(2)
-            ]),
-            r"`level` must rise in h_m, got \[5.0, 5.0\]",
-        ),
-        (
-            lambda: plant_keys.PlantTable(kind="point_mass_lag", roll_lag_rad_s=5.0),
-            "`n_z_lag_rad_s` must be given with kind point_mass_lag",
-        ),
-        (
-            lambda: plant_keys.PlantTable(
-                kind="point_mass_lag", identified="aerosonde", roll_lag_rad_s=5.0
-            ),
-            "`roll_lag_rad_s` must be absent beside `identified`",
-        ),
-        (
-            lambda: plant_keys.PlantTable(
-                kind="jsbsim", aircraft="aerosonde", throttle_max_from_s=3.0
-            ),
-            "`throttle_max` must be given beside `throttle_max_from_s`",
-        ),
-    ],
-)  # fmt: skip
-def test_tables_that_say_too_little_or_too_much_are_refused(made, said):
-    with pytest.raises(ValueError, match=said):
-        made()
-
-
 def test_lags_of_a_plant_are_of_second_order_with_a_damping_and_else_of_first():
     plant = plant_keys.PlantTable(
         kind="point_mass_lag", roll_lag_rad_s=5.0, roll_damping=0.6, n_z_lag_rad_s=8.0,

@@ -10,13 +10,7 @@ from places import SHIPPED_AIRCRAFT
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.vehicles.identification.design import (
-    Airframe,
-    DesignedAircraft,
-    StepResponse,
-    check_steps,
-    inner_loop_gains,
-)
+from flighttune.vehicles.identification import design as designs
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
@@ -41,7 +35,7 @@ DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 @pytest.fixture(scope="module")
 def slopes():
     fdm = Fdm(AEROSONDE)
-    return Airframe.about(fdm, ft.loop.FlightCondition(V_a=V_A, h=1000.0))
+    return designs.Airframe.about(fdm, ft.loop.FlightCondition(V_a=V_A, h=1000.0))
 
 
 def lateral(C_l, C_n, C_Y=0.0):
@@ -81,7 +75,7 @@ def test_longitudinal_derivatives_are_those_of_the_coefficients(slopes):
 
 def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
     design = AEROSONDE.design
-    gains = inner_loop_gains(slopes, design)
+    gains = designs.inner_loop_gains(slopes, design)
 
     effect, damping = slopes.of("p_dot", "aileron"), -slopes.of("p_dot", "p")
     omega = math.sqrt(effect * gains["roll/k_p"])
@@ -90,13 +84,17 @@ def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
     assert total == pytest.approx(2.0 * 0.9 * omega)
     assert gains["roll/k_ff"] * effect == pytest.approx(damping)
 
-    by_default = inner_loop_gains(slopes, design.model_copy(update={"roll_error": None}))
+    by_default = designs.inner_loop_gains(slopes, design.model_copy(update={"roll_error": None}))
     stiffness = effect * by_default["roll/k_p"]
     assert math.sqrt(stiffness) == pytest.approx(min(2.3 * design.roll, 12.5))
 
 
 def test_pitch_gains_make_the_load_factor_follow_a_step_as_two_equal_poles_do(slopes):
-    gains, d, wanted = inner_loop_gains(slopes, AEROSONDE.design), slopes.of, AEROSONDE.design.n_z
+    gains, d, wanted = (
+        designs.inner_loop_gains(slopes, AEROSONDE.design),
+        slopes.of,
+        AEROSONDE.design.n_z,
+    )
     k_p, k_i, k_q, model = (gains[f"pitch/{x}"] for x in ("k_p", "k_i", "k_q", "model-rad_sec"))
 
     def load(alpha, elevator):
@@ -128,7 +126,7 @@ def test_pitch_gains_make_the_load_factor_follow_a_step_as_two_equal_poles_do(sl
 
 def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
     # Rolling at p without sideslip: r = alpha p + g/V phi, so r' = g/V p, by the coefficients.
-    gains = inner_loop_gains(slopes, AEROSONDE.design)
+    gains = designs.inner_loop_gains(slopes, AEROSONDE.design)
     alpha, span = slopes.trimmed.alpha, B / (2.0 * V_A)
     rolling = lateral(-0.51 * span + 0.25 * span * alpha, -0.069 * span - 0.095 * span * alpha)
     aileron, rudder = lateral(0.17, -0.011, 0.075), lateral(0.0024, -0.069, 0.19)
@@ -143,9 +141,9 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
 def test_the_rudder_damps_sideslip_and_yaw_to_the_share_of_critical_that_is_stated(slopes):
     rows = {what: dict(row) for what, row in slopes.slopes.items()}
     rows["r_dot"]["beta"], rows["n_y"]["beta"] = 40.0, -3.0  # stiff, with much side force
-    airframe = Airframe(trimmed=slopes.trimmed, slopes=rows)
+    airframe = designs.Airframe(trimmed=slopes.trimmed, slopes=rows)
 
-    k_r = inner_loop_gains(airframe, AEROSONDE.design)["yaw/k_r"]
+    k_r = designs.inner_loop_gains(airframe, AEROSONDE.design)["yaw/k_r"]
 
     # beta' = (g/V) n_y - r, in turns of the path, and r' = N_beta beta + (N_r + N_rudder k_r) r
     damped = rows["r_dot"]["r"] + rows["r_dot"]["rudder"] * k_r
@@ -159,9 +157,9 @@ def test_the_rudder_damps_sideslip_and_yaw_to_the_share_of_critical_that_is_stat
 def test_an_airframe_without_weathercock_stability_gets_it_from_the_rudder(slopes, weathercock):
     rows = {what: dict(row) for what, row in slopes.slopes.items()}
     rows["r_dot"]["beta"] = weathercock
-    airframe = Airframe(trimmed=slopes.trimmed, slopes=rows)
+    airframe = designs.Airframe(trimmed=slopes.trimmed, slopes=rows)
 
-    gains = inner_loop_gains(airframe, AEROSONDE.design)
+    gains = designs.inner_loop_gains(airframe, AEROSONDE.design)
 
     # The rudder follows k_p n_y, and n_y follows the sideslip: 1/s2 in all, or more.
     by_rudder = rows["r_dot"]["rudder"] * gains["yaw/k_p"] * rows["n_y"]["beta"]
@@ -184,8 +182,9 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
     backwards["r_dot"]["rudder"] *= -1.0
 
     with pytest.raises(ft.loop.PlantError, match=r"r_dot by rudder .* 20"):
-        inner_loop_gains(
-            Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards), AEROSONDE.design
+        designs.inner_loop_gains(
+            designs.Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards),
+            AEROSONDE.design,
         )
 
 
@@ -203,7 +202,7 @@ def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
     designed.save(folder)
     channels = ft.identify(folder).identified.conditions[0].channels
     gains = designed.gains.gains
-    of = Airframe.about(Fdm(designed.config), ft.loop.FlightCondition(V_a=V_A, h=1000.0)).of
+    of = designs.Airframe.about(Fdm(designed.config), ft.loop.FlightCondition(V_a=V_A, h=1000.0)).of
 
     pitch, yaw = MOMENTUM * FOOT_POUND / JY, -MOMENTUM * FOOT_POUND * JX / (JX * JZ - JXZ**2)
     assert pitch + gains["pitch/k_r"] * of("q_dot", "elevator") == pytest.approx(0.0, abs=0.05)
@@ -223,7 +222,7 @@ def test_an_aircraft_is_shown_rolling_and_in_a_pull_up_and_a_push_over():
         update={"design": AEROSONDE.design.model_copy(update={"V_a_shown": (V_A, 1.1 * V_A)})}
     )
 
-    steps = check_steps(config)
+    steps = designs.check_steps(config)
 
     assert [step.V_a for step in steps] == [V_A] * 3 + [1.1 * V_A] * 3
     for roll, pull, push in (steps[:3], steps[3:]):
@@ -236,7 +235,7 @@ def test_an_aircraft_is_shown_rolling_and_in_a_pull_up_and_a_push_over():
 
 def test_a_step_is_as_fast_and_as_well_damped_as_its_response_is():
     """A roll step down by 0.5 rad from 0.1 rad: 90 % is -0.35 rad."""
-    response = StepResponse(
+    response = designs.StepResponse(
         channel="phi", V_a=25.0, size=-0.5, ended="", t90_allowed=0.3, overshoot_allowed=0.2,
         signals={"t": np.arange(5) * 0.1, "phi": np.array([0.1, -0.1, -0.34, -0.36, -0.5])},
     )  # fmt: skip
@@ -259,7 +258,7 @@ def test_a_step_is_as_fast_and_as_well_damped_as_its_response_is():
     assert dataclasses.replace(met, channel="n_z", size=0.5).name == "n_z +0.5 at 25 m/s"
 
     of = [
-        DesignedAircraft(config=AEROSONDE, steps=(met, step), before={}).missed
+        designs.DesignedAircraft(config=AEROSONDE, steps=(met, step), before={}).missed
         for step in (met, *missed)
     ]
     assert of == [

@@ -15,12 +15,12 @@ import flighttune as ft
 from flighttune.base.files.code import JSBSIM
 from flighttune.flight.loop import loop
 from flighttune.vehicles.navigation_keys import NavigationTable
-from flighttune.vehicles.plants.navigation import ERRORS, GRADES, POSITIVE, ReceiverFault, axes
+from flighttune.vehicles.plants import navigation as model
 from flighttune.vehicles.plants.sensors import motion_seen
 
 DT, V = 0.02, 25.0
 G, DEG = 9.80665, math.pi / 180.0
-ZERO = {name: 0.0 for name in GRADES["standard"] if name not in POSITIVE}
+ZERO = {name: 0.0 for name in model.GRADES["standard"] if name not in model.POSITIVE}
 SMALL = np.finfo(float).eps * 1000.0
 
 # EKF2_ACC_NOISE, EKF2_GYR_NOISE, EKF2_GYR_B_NOISE, EKF2_GPS_P_NOISE, EKF2_GPS_V_NOISE, EKF2_TAU_POS
@@ -36,7 +36,7 @@ def standard(**numbers):
 
 def pairs(n):
     """Errors of position, velocity and tilt along both axes in n flights, shape (n, 2, 3)."""
-    level, _ = axes(standard(), DT)
+    level, _ = model.axes(standard(), DT)
     return level.drawn(1, *np.random.default_rng(1).spawn(2 * n))[:, :, 0].reshape(n, 2, -1)
 
 
@@ -46,7 +46,7 @@ def covariances(A, assumed, assumed_of_fix, driven, noise, slow, seconds):
     `assumed` are densities and deviations that the filter knows, `driven` and `noise` the true
     ones, and `slow` the fix, the deviation and the time constant of each slow error.
     """
-    m, period = len(A), GRADES["standard"]["period"]
+    m, period = len(A), model.GRADES["standard"]["period"]
     every, n, H = round(period / DT), 2 * m + len(slow), np.eye(2, m)
     powers = [np.linalg.matrix_power(A, i) for i in range(every)]
     Q = sum(p @ np.diag(np.square(assumed)) @ p.T for p in powers) * 0.01 * DT
@@ -81,7 +81,7 @@ def covariances(A, assumed, assumed_of_fix, driven, noise, slow, seconds):
 @pytest.mark.slow
 def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
     """Over the last 50 s of 200 s."""
-    x = GRADES["standard"]
+    x = model.GRADES["standard"]
     A = np.array([[1, DT, G * DT * DT / 2, 0], [0, 1, G * DT, 0], [0, 0, 1, -DT], [0, 0, 0, 1]])
     slow = [
         (0, x["position_sd"], x["position_time_constant"]),
@@ -105,7 +105,7 @@ def test_the_deviation_of_climb_is_that_of_the_covariance_recursion():
     """Its accelerometer is twice as noisy; its slow error is half as large as its noise."""
     # A filter that trusts its fixes settles soon, and lets their slow error through.
     soon = {"filter_height": 0.5, "filter_climb": 0.1, "climb_time_constant": 10.0}
-    x = GRADES["standard"] | soon
+    x = model.GRADES["standard"] | soon
     A = np.array([[1, DT, DT * DT / 2], [0, 1, DT], [0, 0, 1]])
     slow = [
         (0, x["height_sd"], x["height_time_constant"]),
@@ -134,12 +134,12 @@ def test_half_of_the_fixes_are_within_the_circular_error_probable():
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("grade", GRADES)
+@pytest.mark.parametrize("grade", model.GRADES)
 def test_the_page_has_the_deviations_of_a_moment(grade):
     drawn = np.array(
         [ft.loop.Navigation.of(grade, seed=seed).errors(1, DT, V)[0] for seed in range(400)]
     )
-    sd = dict(zip(ERRORS, np.std(drawn, axis=0), strict=True))
+    sd = dict(zip(model.ERRORS, np.std(drawn, axis=0), strict=True))
     sd |= {"phi": sd["phi"] / DEG}
 
     text = (ROOT / "docs/navigation.md").read_text().partition("| at a moment")[2]
@@ -147,7 +147,7 @@ def test_the_page_has_the_deviations_of_a_moment(grade):
     names = "north", "v_east", "h", "v_up", "phi", "n_z", "V_a", "wind_east"
     four_sigma = 4.0 / math.sqrt(2.0 * len(drawn))
     for name, row in zip(names, rows, strict=True):
-        written = float(row[2 + [*GRADES].index(grade)].split()[0])
+        written = float(row[2 + [*model.GRADES].index(grade)].split()[0])
         assert sd[name] == pytest.approx(written, rel=four_sigma), name
 
 
@@ -157,7 +157,7 @@ def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_sho
     for samples in (1, 7, 333):
         assert np.array_equal(standard(seed=4).errors(samples, DT, V), long[:samples])
     louder = standard(seed=4, wind_sd=3.0).errors(1000, DT, V)
-    same = [i for i, name in enumerate(ERRORS) if not name.startswith("wind")]
+    same = [i for i, name in enumerate(model.ERRORS) if not name.startswith("wind")]
     assert np.array_equal(louder[:, same], long[:, same])
     assert not np.any(long == standard(seed=5).errors(1000, DT, V), axis=0)[:10].any()
 
@@ -169,7 +169,7 @@ def test_errors_to_the_north_and_to_the_east_are_drawn_apart(pair):
     short = {f"{name}_time_constant": 1.0 for name in ("wind", "position", "velocity")}
     drawn = standard(seed=1, position_fast_time_constant=1.0, **short).errors(20_000, DT, V)
 
-    north, east = (drawn[:, ERRORS.index(name)] for name in pair)
+    north, east = (drawn[:, model.ERRORS.index(name)] for name in pair)
 
     # 400 s hold 200 independent values of a time constant of 1 s
     assert abs(np.corrcoef(north, east)[0, 1]) < 5.0 / math.sqrt(200)
@@ -349,7 +349,7 @@ def test_a_path_through_the_air_is_refused():
 
 
 def test_every_number_of_a_grade_has_its_key():
-    for grade, numbers in GRADES.items():
+    for grade, numbers in model.GRADES.items():
         made = NavigationTable(grade=grade).navigation(7)
         assert {name: getattr(made, name) for name in numbers} == dict(numbers)
     table = NavigationTable(roll_noise_deg=1.0, gyro_noise=2.0, wind_lag_s=3.0, position_sd_m=4.0)
@@ -382,7 +382,9 @@ def test_the_page_has_the_numbers_of_the_grades():
     assert len(written) == 28
     for name, numbers in written.items():
         # The page has two digits.
-        assert [GRADES[grade][name] for grade in GRADES] == pytest.approx(numbers, rel=0.02), name
+        assert [model.GRADES[grade][name] for grade in model.GRADES] == pytest.approx(
+            numbers, rel=0.02
+        ), name
 
 
 ALIASED = 0.03
@@ -392,10 +394,10 @@ ALIASED = 0.03
 def test_densities_and_deviations_are_those_of_drawn_errors():
     """Estimated over 1000 s, of processes that forget within a few seconds."""
     n, segment = 50_000, 4096
-    quick = {name: 2.0 for name in GRADES["standard"] if name.endswith("time_constant")}
+    quick = {name: 2.0 for name in model.GRADES["standard"] if name.endswith("time_constant")}
     quick |= {"position_sd": 0.2, "height_sd": 0.2, "filter_velocity": 0.1, "filter_climb": 0.2}
     of = standard(seed=3, gyro_walk=1e-3, **quick)
-    drawn = dict(zip(ERRORS, of.errors(n, DT, V).T, strict=True))
+    drawn = dict(zip(model.ERRORS, of.errors(n, DT, V).T, strict=True))
     seen = {
         "chi": drawn["v_east"] / V, "gamma": drawn["v_up"] / V, "V_a": drawn["V_a"] / V,
         "phi": drawn["phi"], "n_z": drawn["n_z"],
@@ -427,30 +429,30 @@ def test_the_constant_parts_of_errors_have_their_deviations():
     drawn = np.array([standard(seed=i, **only).errors(3, DT, V) for i in range(24)])
 
     assert np.ptp(drawn, axis=1) == pytest.approx(0.0, abs=SMALL)
-    sd = dict(zip(ERRORS, np.sqrt(np.mean(drawn[:, 0] ** 2, axis=0)), strict=True))
+    sd = dict(zip(model.ERRORS, np.sqrt(np.mean(drawn[:, 0] ** 2, axis=0)), strict=True))
     # A pressure of rho V^2 / 2 is one of V^2 / (2 g) of height.
     wanted = {"phi": 0.02, "n_z": 0.05, "acceleration": 0.05 * G, "V_a": 0.04 * V}
     wanted |= {"h": 0.1 * V * V / (2.0 * G)}
     four_sigma = 4.0 / math.sqrt(2.0 * len(drawn))
-    assert sd == pytest.approx(dict.fromkeys(ERRORS, 0.0) | wanted, rel=four_sigma, abs=SMALL)
-    columns = [ERRORS.index(name) for name in ("phi", "V_a", "h")]
+    assert sd == pytest.approx(dict.fromkeys(model.ERRORS, 0.0) | wanted, rel=four_sigma, abs=SMALL)
+    columns = [model.ERRORS.index(name) for name in ("phi", "V_a", "h")]
     twice_as_fast = standard(seed=0, **only).errors(1, DT, 2.0 * V)[0, columns]
     assert twice_as_fast == pytest.approx(drawn[0, 0, columns] * [1.0, 2.0, 4.0], rel=SMALL)
 
 
 def test_a_failing_receiver_errs_by_its_jump_and_drift_from_its_time_on():
     exact = standard(seed=2)
-    fault = ReceiverFault(start=0.06, course=math.radians(150.0), jump=40.0, drift=2.0)
+    fault = model.ReceiverFault(start=0.06, course=math.radians(150.0), jump=40.0, drift=2.0)
 
     failed = standard(seed=2, fault=fault).errors(6, DT, V) - exact.errors(6, DT, V)
 
     size = np.array([0.0, 0.0, 0.0, 40.0, 40.0 + 2.0 * 0.02, 40.0 + 2.0 * 0.04])
-    north, east = (ERRORS.index(name) for name in ("north", "east"))
+    north, east = (model.ERRORS.index(name) for name in ("north", "east"))
     assert failed[:, north] == pytest.approx(-size * math.sqrt(0.75), abs=SMALL)
     assert failed[:, east] == pytest.approx(0.5 * size, abs=SMALL)
     assert not np.delete(failed, (north, east), axis=1).any()
     only = {"jump": 3.0}, {"drift": 2.0}
-    jumps, drifts = (ReceiverFault(start=0.0, course=0.0, **size) for size in only)
+    jumps, drifts = (model.ReceiverFault(start=0.0, course=0.0, **size) for size in only)
     assert [x.errors(2, 0.5)[0].tolist() for x in (jumps, drifts)] == [[3.0, 3.0], [0.0, 1.0]]
 
 
