@@ -8,21 +8,20 @@ import pytest
 from airframes import fdm_of
 from commands import answer
 from compiled_flights import differing, flown_by_both
+from compiled_parts import state_of
 from fuzzing import marked
 
+import flighttune as ft
 from flighttune.base.units import FT
-from flighttune.control.controller import FlightCondition
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
-from flighttune.vehicles.compiled.atmosphere import atmosphere, pressures
+from flighttune.vehicles.compiled import atmosphere
 from flighttune.vehicles.compiled.face import CompiledStep, compiled
-from flighttune.vehicles.compiled.properties import Properties
-from flighttune.vehicles.compiled.trace import Graph
-from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
+from flighttune.vehicles.plants import weather as air
 
 ADOPTED = Path(__file__).parents[2] / "adopted"
-WIND = WindProfile(((0.0, (3.0, -2.0, 0.1)),))
+WIND = air.WindProfile(((0.0, (3.0, -2.0, 0.1)),))
 GUSTS = {
-    axis: Gust(axis=axis, peak=peak, start=0.5, rise=0.6, hold=0.3)
+    axis: air.Gust(axis=axis, peak=peak, start=0.5, rise=0.6, hold=0.3)
     for axis, peak in (("right", 3.0), ("ahead", -3.0), ("down", 2.0))
 }
 
@@ -54,8 +53,8 @@ def test_every_property_is_that_of_jsbsim(aircraft):
 )
 def test_so_is_the_air(model, axis):
     gust = GUSTS.get(axis)
-    turbulence = Turbulence(severity=4, wind_20ft=6.0, model=model) if model else None
-    weather = Weather(wind=WIND, turbulence=turbulence, gust=gust)
+    turbulence = air.Turbulence(severity=4, wind_20ft=6.0, model=model) if model else None
+    weather = air.Weather(wind=WIND, turbulence=turbulence, gust=gust)
     step = compiled(load_aircraft("aerosonde"), turbulence=model or None, gust=gust is not None)
 
     flown = flown_by_both("aerosonde", 4.0, step, weather=weather)
@@ -75,14 +74,10 @@ def test_every_layer_of_the_atmosphere_is(h, bias):
     given = ("delta-T", "P-sl-psf", "rho-sl-slugs_ft3")
     names = ("T-R", "P-psf", "rho-slugs_ft3", "a-fps", "sigma", "delta")
     names += ("pressure-altitude", "density-altitude")
-    now = Properties(Graph(), 1 / 120)
-    now["position/h-sl-ft"] = fdm.reader("position/h-sl-ft")()
-    for name in given:
-        now[f"atmosphere/{name}"] = fdm.reader(f"atmosphere/{name}")()
-    for name, value in pressures(2000.0, bias).items():
-        now[name] = value
+    read = ["position/h-sl-ft", *(f"atmosphere/{name}" for name in given)]
+    now = state_of({name: fdm.reader(name)() for name in read} | atmosphere.pressures(2000.0, bias))
 
-    atmosphere(now)
+    atmosphere.atmosphere(now)
 
     for name in names:
         assert now[f"atmosphere/{name}"] == fdm.reader(f"atmosphere/{name}")(), name
@@ -92,14 +87,16 @@ def test_every_layer_of_the_atmosphere_is(h, bias):
 @pytest.mark.parametrize("chi_deg", [90.0, 135.0, 180.0, -90.0])
 def test_flights_in_all_directions_are(chi_deg):
     chi = math.radians(chi_deg)
-    condition = FlightCondition(V_a=27.0, h=800.0, chi=chi, gamma=0.05, phi=0.3)
+    condition = ft.loop.FlightCondition(V_a=27.0, h=800.0, chi=chi, gamma=0.05, phi=0.3)
 
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 
 
 def test_so_is_one_whose_hidden_attitude_lies_far_from_what_is_shown():
     # A component of its quaternion is a hundredth of the others: its doubles lie that much closer.
-    condition = FlightCondition(V_a=27.0, h=800.0, chi=math.radians(170.0), gamma=0.03, phi=-0.2)
+    condition = ft.loop.FlightCondition(
+        V_a=27.0, h=800.0, chi=math.radians(170.0), gamma=0.03, phi=-0.2
+    )
 
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 
@@ -110,7 +107,7 @@ def test_so_is_one_whose_hidden_attitude_lies_far_from_what_is_shown():
 )
 def test_so_is_one_whose_attitude_its_rotations_do_not_show(h, chi, gamma, phi):
     # Neighbours in a component a thousandth of the others give the same rotations for good.
-    condition = FlightCondition(V_a=27.0, h=h, chi=chi, gamma=gamma, phi=phi)
+    condition = ft.loop.FlightCondition(V_a=27.0, h=h, chi=chi, gamma=gamma, phi=phi)
 
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 

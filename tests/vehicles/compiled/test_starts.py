@@ -9,7 +9,6 @@ from airframes import changed_aerosonde
 
 import flighttune as ft
 from flighttune.base.errors import TrimError
-from flighttune.control.controller import FlightCondition
 from flighttune.flight.loop import aircraft as loop_aircraft
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.vehicles.compiled import engines, face, masses, run, settling, trimming
@@ -18,8 +17,8 @@ from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import named
 from flighttune.vehicles.compiled.rigid_body import INERTIA
 from flighttune.vehicles.compiled.trace import fabs
+from flighttune.vehicles.plants import weather as air
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
-from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
 
 ADOPTED = Path(__file__).parents[2] / "adopted"
 
@@ -47,16 +46,20 @@ def draws(name, count, seed):
             # The largest inertia is nearly the sum of the others, and may not be more.
             numbers["iyy_factor"] = numbers["izz_factor"] = numbers["ixx_factor"]
         numbers |= {"actuator_lag_factor": draw(0.8, 1.5), "cg_aft_m": draw(-0.004, 0.004)}
-        wind = WindProfile(((0.0, (draw(-4, 4), draw(-4, 4), draw(-0.2, 0.2))),))
-        rough = Turbulence(severity=3, wind_20ft=4.0, model="tustin") if k % 2 else None
-        condition = FlightCondition(
+        wind = air.WindProfile(((0.0, (draw(-4, 4), draw(-4, 4), draw(-0.2, 0.2))),))
+        rough = air.Turbulence(severity=3, wind_20ft=4.0, model="tustin") if k % 2 else None
+        condition = ft.loop.FlightCondition(
             V_a=SPEED[name] * draw(0.95, 1.1),
             h=draw(600.0, 1500.0),
             chi=draw(-3.1, 3.1),
             gamma=draw(-0.05, 0.08 if name != "DHC6" else 0.02),  # it has little thrust to spare
             phi=draw(-0.3, 0.3),
         )
-        yield OffNominal.model_validate(numbers), condition, Weather(wind=wind, turbulence=rough)
+        yield (
+            OffNominal.model_validate(numbers),
+            condition,
+            air.Weather(wind=wind, turbulence=rough),
+        )
 
 
 def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
@@ -100,7 +103,7 @@ def test_starts_of_drawn_aircraft_are_those_of_jsbsim(name, count, seed):
 @pytest.mark.soak
 def test_so_are_those_over_raised_ground_and_with_n_x():
     config = load_aircraft("aerosonde")
-    condition = FlightCondition(V_a=25.0, h=900.0, gamma=0.02)
+    condition = ft.loop.FlightCondition(V_a=25.0, h=900.0, gamma=0.02)
 
     assert differing_at_start(config, condition, ground=430.0) == []
     assert differing_at_start(config, condition, takes_n_x=True) == []
@@ -138,7 +141,7 @@ def test_a_filter_of_the_model_begins_as_in_jsbsim(tmp_path):
 
     config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
 
-    assert differing_at_start(config, FlightCondition(V_a=25.0, h=900.0, gamma=0.02)) == []
+    assert differing_at_start(config, ft.loop.FlightCondition(V_a=25.0, h=900.0, gamma=0.02)) == []
 
 
 @pytest.mark.soak
@@ -154,10 +157,10 @@ def test_delays_and_play_of_a_model_start_without_jsbsim_and_a_gust_comes_at_its
         return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
 
     config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
-    gust = Gust(axis="right", peak=3.0, start=1.3, rise=0.7, hold=0.4)
-    condition = FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
+    gust = air.Gust(axis="right", peak=3.0, start=1.3, rise=0.7, hold=0.4)
+    condition = ft.loop.FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
 
-    assert differing_at_start(config, condition, Weather(gust=gust)) == []
+    assert differing_at_start(config, condition, air.Weather(gust=gust)) == []
 
 
 def later_wind(now, to_local, of=trimming._through_air):
@@ -197,7 +200,7 @@ def test_a_wrong_start_is_found_and_jsbsim_starts(
 
 
 def test_a_start_that_fails_says_what_jsbsim_says():
-    steep = FlightCondition(V_a=120.0, gamma=1.2)
+    steep = ft.loop.FlightCondition(V_a=120.0, gamma=1.2)
     plant = ft.loop.JSBSimPlant("a4")
     with pytest.raises(TrimError) as by_jsbsim:
         plant.start(steep)

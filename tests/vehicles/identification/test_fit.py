@@ -234,7 +234,7 @@ def test_a_command_is_ramped_up_and_down_at_its_rate():
 
 
 def test_an_excitation_that_ends_the_flight_is_halved_up_to_three_times():
-    flights = []
+    flights, changes = [], np.array([[1.0], [8.0], [2.0]])
 
     def fly(plant, condition, change):
         flights.append(change[0])
@@ -242,9 +242,9 @@ def test_an_excitation_that_ends_the_flight_is_halved_up_to_three_times():
         return (change[0],), (condition.V_a,), stop
 
     def respond():
-        return fit.respond(ft.loop.PointMassPlant, ft.loop.FlightCondition(V_a=25.0), STEPS, fly)
+        return fit.respond(ft.loop.PointMassPlant, ft.loop.FlightCondition(V_a=25.0), changes, fly)
 
-    STEPS, bound = np.array([[1.0], [8.0], [2.0]]), 2.0
+    bound = 2.0
     commanded, measured = respond()
     assert commanded.tolist() == [[0.25], [2.0], [0.5]]
     assert measured.tolist() == [[25.0]] * 3
