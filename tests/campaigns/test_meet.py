@@ -712,10 +712,8 @@ def test_the_share_of_gains_is_counted_on_draws_that_did_not_choose_them(draws, 
             return float((trial.worst > 0.0).mean())
 
     sets = ft.PAPER_GAINS, ft.PAPER_GAINS
-    reached = sum(
-        meet._count(Drawn(), sets, share, False)[1]["statuses"][0] == "met"
-        for _ in range(campaigns)
-    )
+    counted = [meet._count(Drawn(), sets, share, False)[1] for _ in range(campaigns)]
+    reached = sum(x["statuses"][0] == "met" for x in counted)
 
     met = np.arange(draws + 1)
     flags = (np.arange(draws) < k for k in met)
@@ -724,6 +722,8 @@ def test_the_share_of_gains_is_counted_on_draws_that_did_not_choose_them(draws, 
     assert chance <= 0.025
     # a choice between two makes it up to twice as likely
     assert abs(reached - campaigns * chance) <= 4.0 * np.sqrt(campaigns * chance)
+    # Gains and start have draws of their own, so that their shares differ.
+    assert any(x["share"] != x["of_start"] for x in counted)
 
 
 NAN = math.nan
