@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
+from threading import Timer
 
 import pytest
 from killed import each_end, files_in
@@ -60,6 +62,61 @@ def test_nothing_of_an_answer_is_there_before_all_of_it(folder):
     del before["stale.txt"]
     assert text_of(folder) == before | {"a.json": "new"}
     assert not [*folder.glob(".*")]
+
+
+def test_files_of_other_folders_get_their_places_too_and_one_that_is_not_there_is_none(folder):
+    elsewhere = folder.with_name("elsewhere")
+
+    with whole.together(folder):
+        whole.write_text(folder / "a.json", "new")
+        whole.write_text(elsewhere / "deep" / "page.html", "new")
+        whole.remove_file(folder / "not there")
+        page = elsewhere / "deep" / "page.html"
+        assert whole.current(page).read_text() == "new"
+        assert not page.exists()
+
+    assert text_of(folder)["a.json"] == "new"
+    assert text_of(elsewhere) == {"deep/page.html": "new"}
+    assert [*elsewhere.glob(".*"), *(elsewhere / "deep").glob(".*"), *folder.glob(".*")] == []
+
+
+def test_an_answer_is_whole_although_the_command_is_interrupted_while_its_files_are_moved(
+    folder, monkeypatch
+):
+    moved, replace = [], Path.replace
+
+    def interrupted(path, target):
+        moved.append(target)
+        if len(moved) == 4:  # two were written before, and one of them moved
+            raise KeyboardInterrupt
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt), whole.together(folder):  # noqa: PT012
+        whole.write_text(folder / "a.json", "new")
+        whole.write_text(folder / "b.json", "new")
+
+    assert text_of(folder) == text_of(folder) | {"a.json": "new", "b.json": "new"}
+    assert not [*folder.glob(".*")]
+
+
+def test_files_that_another_process_moves_are_waited_for_and_not_for_ever(folder, monkeypatch):
+    moving = folder / whole.WHOLE
+    (moving / whole.NEW).mkdir(parents=True)
+    (moving / whole.NEW / "a.json").write_text("new")
+    descriptor = os.open(moving, os.O_RDONLY)
+    whole.lock(descriptor)  # as the process does that moves them
+    monkeypatch.setattr(whole, "WAIT_S", 0.05)
+    with pytest.raises(ft.InputError, match="another process must end its writing"):
+        whole.settle(folder)
+    assert (folder / "a.json").read_text() == '{"is": "old"}'
+
+    monkeypatch.setattr(whole, "WAIT_S", 10.0)
+    Timer(0.1, os.close, [descriptor]).start()
+    whole.settle(folder)
+
+    assert (folder / "a.json").read_text() == "new"
+    assert not moving.exists()
 
 
 def test_an_answer_with_an_error_leaves_all_as_it_was_but_for_what_is_kept(folder):
