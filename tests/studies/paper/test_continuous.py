@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from fuzzing import slow
 from printed import MARKED
-from scipy.integrate import solve_ivp
+from scipy.integrate import cumulative_simpson, solve_ivp
 
 import flighttune as ft
+from flighttune.flight.loop.disturbance import Sinusoid
 from flighttune.flight.loop.loop import simulate
 from flighttune.studies.paper import parameters
 from flighttune.studies.paper.flight import fly
@@ -16,6 +17,8 @@ from flighttune.studies.paper.flight import fly
 TRAJECTORY = 1e-6  # rad, what the reproduction of the paper asks for
 STEEPNESS = 1e5  # 1/s: an error of the softened law of some 1e-5 rad, in proportion to its inverse
 HALF_A_SECOND = 50  # samples
+CORNER = 1e-5  # rad, of Simpson's rule across the corners of the commands
+TURNS = 4  # samples inside which a command or an integral part turns
 REF = np.array([parameters.CHI_C, parameters.GAMMA_C])
 WAVE = parameters.disturbance(parameters.PRINTED_DISTURBANCE)
 RANGES, BOTH = parameters.printed_ranges(), parameters.printed_limits()
@@ -111,12 +114,61 @@ def test_a_command_that_starts_outside_its_range_comes_back_at_the_rate_limit():
     assert flight.u[:, 0] == pytest.approx(back, abs=TRAJECTORY)
 
 
-@pytest.mark.soak
-def test_rates_stay_within_their_limits_under_anti_windup():
-    flight = fly(ft.PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=8.0)
+def integral(rates, t):
+    """Integral over time of rates of shape (k, 2)."""
+    return cumulative_simpson(rates, x=t, axis=0, initial=0.0)
 
-    assert np.all(np.abs(flight.command_rates) <= BOTH.rate_upper + TRAJECTORY)
-    assert np.any(np.abs(flight.command_rates) >= BOTH.rate_upper - TRAJECTORY)
+
+@pytest.mark.parametrize(
+    ("name", "conditional", "duration"),
+    [
+        ("paper", False, 6.0),  # both commands come to an end of their range
+        ("K3", True, 8.0),  # a command stays at its end while its integral part goes back
+        ("K1", True, 3.5),  # a load factor turns at its rate limit
+    ],
+)
+def test_a_flight_keeps_its_own_law_from_sample_to_sample(name, conditional, duration):
+    gains = MARKED[name]
+
+    flight = fly(gains, WAVE, limits=BOTH, conditional=conditional, duration=duration)
+
+    t, u, error, gamma = flight.t, flight.u, flight.error, flight.x[:, 1]
+    rates = np.column_stack(
+        [
+            9.81 / 25.0 * np.tan(u[:, 0]) + 0.1 * np.sin(0.15 * t),
+            9.81 / 25.0 * (u[:, 1] * np.cos(u[:, 0]) - np.cos(gamma)) + 0.1 * np.cos(0.15 * t),
+        ]
+    )
+    path = np.array([math.pi / 3, math.pi / 4]) + integral(rates, t)
+    assert flight.x == pytest.approx(path, abs=CORNER)
+    assert error == pytest.approx(REF - path, abs=CORNER)
+    assert flight.error_rate == pytest.approx(-rates, abs=TRAJECTORY)
+
+    v = error @ gains.K_P.T + flight.integral
+    assert flight.unlimited == pytest.approx(v, abs=TRAJECTORY)
+    assert u[0] == pytest.approx([math.pi / 3, 1.0])
+    most, wanted = BOTH.rate_upper * t[1], np.clip(v, BOTH.lower, BOTH.upper)[1:] - u[:-1]
+    off = np.abs(np.diff(u, axis=0) - np.clip(wanted, -most, most))
+    assert (off > TRAJECTORY).sum() <= TURNS
+    assert flight.command_rates == pytest.approx(np.diff(u, axis=0) / t[1])
+
+    # Anti-windup stops an integral part that would drive its command farther beyond the limits;
+    # at the limits it goes with its error or more slowly.
+    assert flight.integral[0] == pytest.approx(0.0)
+    follow, parts = (
+        np.diff(integral(error @ gains.K_I.T, t), axis=0),
+        np.diff(flight.integral, axis=0),
+    )
+    low = high = follow
+    if conditional:
+        apart = np.where(np.abs(v - u) > TRAJECTORY, (v - u) * (error @ gains.K_I.T), 0.0)
+        beyond, equal = ((at[1:] & at[:-1]) for at in (apart > 0.0, apart == 0.0))
+        low, high = (
+            np.where(beyond, 0.0, np.where(equal, end(follow, 0.0), follow))
+            for end in (np.minimum, np.maximum)
+        )
+    off = np.maximum(low - parts, parts - high)
+    assert (off > TRAJECTORY).sum() <= TURNS
 
 
 def test_without_feedback_the_disturbance_integrates_to_its_closed_form():
@@ -124,3 +176,17 @@ def test_without_feedback_the_disturbance_integrates_to_its_closed_form():
 
     wave = 0.1 / 0.15 * (1.0 - np.cos(0.15 * flight.t))
     assert flight.x[:, 0] == pytest.approx(math.pi / 3 + wave, abs=1e-10)
+
+
+def test_a_flight_ends_where_a_disturbance_takes_it_beyond_all_angles():
+    """Without feedback the course is ``pi / 3 + L / omega (1 - cos(omega t))``."""
+    wave = Sinusoid(chi_amplitude=1000.0, chi_omega=1.0, gamma_amplitude=0.0, gamma_omega=1.0)
+    last = math.acos(math.pi / 3 / 1000.0)  # at 1000 rad
+
+    flight = fly(ft.PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2))), wave)
+
+    assert flight.status == "diverged"
+    assert not flight.converged
+    assert "chi 1000 rad" in flight.reason
+    assert f"at t = {last:.2f} s" in flight.reason
+    assert flight.t[-1] == pytest.approx(last, abs=0.01)

@@ -116,3 +116,35 @@ def test_decay_and_oscillations_of_a_known_signal():
 
     assert paper.decay_rate(t, 3.0 * np.exp(-0.7 * t)) == pytest.approx(0.7, rel=1e-9)
     assert paper.oscillations(np.cos(t)) == 3
+
+
+def made_up_flight(error, *, limited=(), reason=""):
+    """Twenty seconds with these errors at the end; commands are limited at these times (s)."""
+    t, zeros = np.arange(2001) * 0.01, np.zeros((2001, 2))
+    u = np.isin(t, np.array(limited))[:, None] * [1.0, 0.0]
+    errors = np.where((t < 17.995)[:, None], 1.0, error)
+    names = dict.fromkeys(("x", "error_rate", "integral", "unlimited"), zeros)
+    return paper.PaperFlight(t=t, error=errors, u=u, reason=reason, **names)
+
+
+@pytest.mark.parametrize(
+    ("error", "reason", "converged"),
+    [
+        ((0.04, -0.04), "", True),
+        ((0.06, 0.0), "", False),
+        ((0.0, -0.06), "", False),
+        ((0.0, 0.0), "chi 1000 rad", False),
+    ],
+)
+def test_errors_have_converged_if_both_end_with_two_seconds_near_the_origin(
+    error, reason, converged
+):
+    flight = made_up_flight(error, reason=reason)
+
+    assert flight.converged == converged
+    assert flight.status == ("diverged" if reason else "completed")
+
+
+def test_commands_are_released_when_a_limit_last_holds():
+    assert made_up_flight(0.0, limited=(0.5, 3.25)).released == pytest.approx(3.25)
+    assert made_up_flight(0.0).released == 0.0
