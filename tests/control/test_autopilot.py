@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import flighttune as ft
@@ -289,6 +290,21 @@ def test_the_lift_turns_the_pitch_within_its_time_constant(bank, divided):
 def test_roll_and_its_rate_are_limited_to_either_side(parameters, roll, side):
     found, *_ = commanded(parameters, **on_path(-side * 60.0))
     assert math.degrees(found) == pytest.approx(side * roll, abs=1e-9)
+
+
+def test_the_way_back_to_a_track_takes_the_acceleration_of_its_look_ahead_angle():
+    """At u = 1 - y/B off a track, B = 0.7 * 10 s * V, the course is ``(1 - u^2) pi/2`` off it.
+
+    So y falls by V sin(course), and V times the rate of the course is
+    ``V^2/B pi u sin((1 - u^2) pi/2)``.
+    """
+    u = np.linspace(0.0, 1.0, 20_001)
+    largest = (math.pi * u * np.sin((1.0 - u**2) * 0.5 * math.pi)).max() * 20.0 / 7.0
+
+    for roll in (25.0, 50.0):
+        share = largest / (G * math.tan(math.radians(roll)))
+        assert made(NPFG | {"FW_R_LIM": roll}).way_back(20.0) == pytest.approx(share, rel=1e-5)
+    assert made(L1).way_back(20.0) == 0.0
 
 
 @pytest.mark.parametrize("parameters", [NPFG, L1, {"FW_L1_PERIOD": 12.0}])

@@ -45,7 +45,7 @@ AVERAGED, TWICE_DAMPING, LARGEST_SHARE = 5, 1.4142, 0.1
 
 # [N] lookAheadAngle: largest curvature of the way back to the track, times the bound of the track
 # error: ``max of pi u cos(pi u^2 / 2)`` over u from 0 to 1.
-WAY_BACK = 1.6091
+WAY_BACK = 1.60884
 
 # Endings of the roles of parameters that must be positive, because they divide.
 POSITIVE = ("period", "damping", "tc", "std", "acceleration")
