@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control import mimo_pi
+from flighttune.control import law, mimo_pi
 
 ROUNDING = 1e-12
 HERE = (0.0, 0.0)
@@ -165,6 +165,18 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
 
     assert np.array(before) == pytest.approx(1.2 * np.array(plain.state.integral), abs=ROUNDING)
     assert scheduled.state.integral == pytest.approx(before, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("V_a", [20.0, 30.0])
+def test_the_linear_loop_of_scheduled_gains_is_that_of_gains_scaled_by_the_airspeed(V_a):
+    of_paper, trim = law.made_law("paper", "mine"), law.Trim(V_a=V_a, gamma=0.2, g=9.81)
+    share, gains = V_a / 25.0, ft.PAPER_GAINS
+
+    scheduled = of_paper.linear_model(trim._replace(schedule_speed=25.0))
+
+    scaled = ft.PIGains(K_P=share * gains.K_P, K_I=share * gains.K_I)
+    expected = ft.loop.closed_loop(of_paper.linear_model(trim), scaled)
+    assert ft.loop.closed_loop(scheduled, gains) == pytest.approx(expected, abs=ROUNDING)
 
 
 def test_feed_forward_is_inside_the_limits():

@@ -1,6 +1,7 @@
 """Peak gains from errors of the estimates: against flights of the loop, and forged files."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from flighttune.control.linear_model import closed_loop
 
 TAKEN_FOR_WHOLE = 1e-3  # relative: a flight of 40 s with an input held for 2 ms
 DT, SAMPLES = 0.002, 20_000
-OF_MISSION = [pytest.param("identified", marks=pytest.mark.soak)]
+OF_MISSION = [pytest.param("of_mission", marks=pytest.mark.soak)]
 
 
 @pytest.fixture(scope="module")
@@ -25,11 +26,14 @@ def of_mission():
     return ft.certify("mission", "exact:tuned_fed_back", navigation="standard", changes=changes)
 
 
-@pytest.fixture(scope="module", params=["paper", *OF_MISSION])
+@pytest.fixture(scope="module")
+def of_paper():
+    return certify_model(MODEL, ft.PAPER_GAINS, estimates=True)
+
+
+@pytest.fixture(scope="module", params=["of_paper", *OF_MISSION])
 def certified(request):
-    if request.param == "paper":
-        return certify_model(MODEL, ft.PAPER_GAINS, estimates=True).certificate
-    return request.getfixturevalue("of_mission").certificate
+    return request.getfixturevalue(request.param).certificate
 
 
 def responses(certificate):
@@ -61,6 +65,29 @@ def test_the_law_behind_the_identified_lag_is_off_by_a_quarter_more_than_its_est
     # it held the commands for a sample, which adds a hundredth.
     assert np.diag(certified.peak_gains) == pytest.approx([1.244, 1.26], rel=0.015)
     assert np.fliplr(certified.peak_gains).diagonal() == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_three_deviations_of_the_estimates_bound_the_true_errors(of_paper):
+    attained = np.abs(responses(of_paper.certificate)).sum(axis=0) * DT
+    known = replace(of_paper, estimate_sd=(0.001, 0.003))
+
+    chi, gamma = known.values["estimates"]
+
+    bounds = pytest.approx(attained @ [0.003, 0.009], rel=TAKEN_FOR_WHOLE)
+    assert (chi["error"], gamma["error"]) == ("chi", "gamma")
+    assert [row["estimate_rad"] for row in (chi, gamma)] == pytest.approx([0.003, 0.009])
+    assert [row["error_rad"] for row in (chi, gamma)] == bounds
+    own = [row["peak_gain"] for row in (chi, gamma)]
+    assert own == pytest.approx(attained.diagonal(), rel=TAKEN_FOR_WHOLE)
+    assert of_paper.values["estimates"] == []
+    # in words for errors of one size, rounded up
+    words = re.findall(r"error of (\w+) of at most ([\d.]+) n", of_paper.certificate.sentence)
+    proven = of_paper.certificate.peak_gains.sum(axis=1)
+    assert [name for name, _ in words] == ["chi", "gamma"]
+    for (_, said), gain, true in zip(words, proven, attained.sum(axis=1), strict=True):
+        assert float(said) >= gain
+        assert float(said) == pytest.approx(true, rel=TAKEN_FOR_WHOLE, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -345,6 +345,25 @@ def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes
     assert not lag_box.constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
 
 
+@pytest.mark.parametrize("parts", [1, 2])
+def test_a_rate_is_only_as_large_as_a_few_parts_of_a_box_prove(monkeypatch, parts):
+    """Two looks at a box suffice for all of it at once; one look never ends a proof."""
+    box = LAGS["threefold"]
+    monkeypatch.setattr(lag_box, "MAX_PARTS", parts)
+
+    rate = lag_box.constant_rate(LARGEST_R_K, box)
+
+    if parts == 1:
+        assert rate == 0.0
+        return
+    least = min(slowest_root(LARGEST_R_K, lag, 0.0, 0.0, 1.0) for lag in (0.2, 0.4, 0.6))
+    assert 0.5 * least < rate <= least
+    assert lag_box.constant_rate_proven(LARGEST_R_K, box, rate)
+    assert not lag_box.constant_rate_proven(
+        LARGEST_R_K, box, rate * (1.0 + 2.0 * lag_box.ACCURACY) + lag_box.ACCURACY * least
+    )
+
+
 def loop(gains, lag, delay, a, b):
     """States e, xi, y and what is delayed, as the equations read."""
     K_P, K_I, k = gains

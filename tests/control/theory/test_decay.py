@@ -116,6 +116,11 @@ def test_the_exponential_is_bounded_from_below(x):
     assert below <= Fraction(truth) + Fraction(1, 10**58)
 
 
+def test_a_decay_by_more_than_e_in_a_sample_is_bounded_by_nothing():
+    assert exponential_below(Fraction(1)) > 0
+    assert exponential_below(1 + Fraction(1, 10**9)) == 0
+
+
 def test_a_loop_of_huge_transients_has_a_proven_rate_without_a_warning():
     """Warnings are errors in tests; SciPy's solution has an ill-conditioned matrix here."""
     rate, _ = decay(np.array([[0.5, 1e8], [0.0, 0.4]]), dt=0.02)

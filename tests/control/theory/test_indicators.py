@@ -97,6 +97,8 @@ def test_a_stack_has_the_indicators_of_its_members(seed, spread):
         (np.diag([0.25, -1.0]), r"eigenvalue 0\.25\+0j 1/s is not in the open left half"),
         (np.array([[0.0, 2.0], [-2.0, 0.0]]), r"eigenvalue .*\+2j 1/s is not in the open left"),
         (np.zeros((2, 2)), "eigenvalue 0"),
+        # of the left half plane, but by less than rounding
+        (np.array([[-1e-17, 1.0], [0.0, -1.0]]), r"-1e-17\+0j 1/s is so close to the imaginary"),
     ],
 )
 def test_an_unstable_loop_is_a_result_that_names_the_eigenvalue(A, named):

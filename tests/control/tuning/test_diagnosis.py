@@ -4,14 +4,73 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import flighttune as ft
 from flighttune.control.tuning.tune import diagnosis
 from tests.control.tuning.conftest import relaxed
 
-pytestmark = pytest.mark.slow
-
 BELOW, ABOVE = 0.999, 1.001
+
+
+# Level flight at 25 m/s, in which the integral gain of the course is the only free gain.
+ALONE = ft.loop.TuningProblem(
+    model=ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81),
+    K_fixed=np.array([[4.0, 0.0, np.nan, 0.0], [0.0, 4.0, 0.0, 3.0]]),
+)
+
+
+def radius(K_I):
+    """I_K by the integral gain of the course: it falls up to 3, and is that of the path to 6."""
+    gains = ft.PIGains(K_P=4.0 * np.eye(2), K_I=np.diag([K_I, 3.0]))
+    return ft.loop.indicators(ft.loop.closed_loop(ALONE.model, gains)).I_K
+
+
+@pytest.mark.slow
+def test_a_limit_in_the_way_of_one_gain_needs_the_factor_of_that_gain():
+    """An error of 0.1 rad and a roll rate of 0.1 rad/s leave a gain of 1; I_K = 20 needs more."""
+    limits = ft.loop.Limits(
+        lower=(-9.0, -np.inf), upper=(9.0, np.inf), rate_lower=(-0.1, -np.inf),
+        rate_upper=(0.1, np.inf),
+    )  # fmt: skip
+    needed = brentq(lambda K_I: radius(K_I) - 20.0, 1.0, 3.0, rtol=1e-9)
+
+    found = diagnosis(replace(ALONE, I_star=20.0, limits=limits, x_0=np.array([0.1, 0.0])))
+
+    near = {"rel": 1e-6}
+    assert found.smallest_I_K == pytest.approx(radius(1.0), **near)
+    assert found.common_factor == pytest.approx(needed, **near)
+    assert found.gains.K_I[0, 0] == pytest.approx(needed, **near)
+    assert found.binding == ("phi_rate_max",)
+    of_rate, of_roll = found.limits
+    assert (of_rate["name"], of_roll["name"]) == ("phi_rate", "phi")
+    assert of_rate["factor_alone"] == pytest.approx(needed, **near)
+    assert of_rate["use"] == pytest.approx(needed, **near)
+    assert of_rate["smallest_I_K_without"] == pytest.approx(radius(4.0), **near)
+    assert of_roll["factor_alone"] == np.inf
+    assert of_roll["smallest_I_K_without"] == pytest.approx(radius(1.0), **near)
+    assert of_roll["use"] == pytest.approx(0.1 * (4.0 + 0.1 * needed) / 9.0, **near)
+
+
+@pytest.mark.parametrize(("I_star", "factor"), [(20.0, 0.0), (10.0, np.inf)])
+def test_where_no_limit_is_in_the_way_there_is_no_factor_or_none_suffices(I_star, factor):
+    found = diagnosis(replace(ALONE, I_star=I_star))
+
+    assert (found.common_factor, found.limits) == (factor, ())
+    assert (found.gains is None) == (factor > 0.0)
+    assert found.smallest_I_K == pytest.approx(radius(4.0), rel=1e-6)
+    assert found.largest_R_K > 0.0
+
+
+def test_gains_that_no_bound_allows_have_no_cost_either():
+    weights = np.ones(2), np.ones(2)
+    costly = replace(ALONE, I_star=10.0, weights=weights, x_0=np.array([0.1, 0.0]))
+
+    found = ft.tune(costly, starts=1)
+
+    assert found.status == "infeasible"
+    assert "`I_star` must be at least 10.8" in found.reason
+    assert radius(4.0) == pytest.approx(10.8, abs=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -39,11 +98,13 @@ def test_a_start_on_the_other_side_needs_the_same_factor_on_the_opposite_bounds(
     assert mirrored.binding == ("phi_rate_max",)
 
 
+@pytest.mark.slow
 def test_the_extremes_within_the_printed_limits_are_the_known_ones(printed_diagnosis):
     assert printed_diagnosis.smallest_I_K == pytest.approx(67.15, abs=5e-3)
     assert printed_diagnosis.largest_R_K == pytest.approx(0.2649, abs=5e-5)
 
 
+@pytest.mark.slow
 def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosis):
     worst = printed_diagnosis.limits[0]
 

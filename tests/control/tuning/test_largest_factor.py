@@ -1,5 +1,6 @@
 """The largest envelope over which gains have a common Q, where it is known on paper."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -129,3 +130,52 @@ def test_a_rate_over_an_envelope_has_no_bound_on_the_error_and_no_units(change, 
         tuned_over.tune_over_envelope(
             ft.loop.TuningProblem(model=model, **change), climbing(-0.2, 0.8), AT, g=G
         )
+
+
+@pytest.fixture(scope="module")
+def weak():
+    """A problem in which all gains but the integral one of the path angle are those of `WEAK`."""
+    fixed = WEAK.K.copy()
+    fixed[1, 3] = np.nan
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=GAMMA, g=G)
+    return ft.loop.TuningProblem(model=model, K_fixed=fixed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("high", "starts"), [(0.8, 0), (0.45, 1)])
+def test_gains_for_an_envelope_reach_as_far_as_climbs_are_damped(monkeypatch, weak, high, starts):
+    """A search of no steps ends at the better of its starts, one of them the gains of the trim."""
+    monkeypatch.setattr(tuned_over, "ITERATIONS", 0)
+    envelope, damped = climbing(-0.2, high), (STEEPEST - GAMMA) / (high - GAMMA)
+    of_trim = ft.tune(weak).gains
+
+    found = tuned_over.tune_over_envelope(weak, envelope, AT, g=G, starts=starts)
+
+    assert (found.method, found.starts) == ("envelope", starts)
+    at_trim = ft.loop.indicators(ft.loop.closed_loop(weak.model, found.gains))
+    assert (found.R_K, found.I_K) == pytest.approx((at_trim.R_K, at_trim.I_K))
+    rate = tuned_over.envelope_rate(found.gains, envelope, g=G).R
+    assert rate >= tuned_over.envelope_rate(of_trim, envelope, g=G).R
+    assert found.wall_s > 0.0
+    if damped > 1.0:
+        assert (found.status, found.reason, found.factor) == ("found", "", 1.0)
+        assert found.R_envelope == pytest.approx(rate)
+        assert 0.0 < found.R_envelope <= found.R_envelope_bound < at_trim.R_K
+    else:
+        assert found.status == "infeasible"
+        assert found.factor == within(0.95 * damped)
+        assert f"beyond {found.factor:.3g} of the envelope about the trim" in found.reason
+        assert (found.R_envelope, found.R_envelope_bound) == (0.0, np.inf)
+        assert rate == 0.0
+
+
+def test_a_trim_without_gains_has_none_for_its_envelope_either(weak):
+    """Of a path angle hardly damped no I_K is small."""
+    bounded = replace(weak, I_star=10.0)
+
+    found = tuned_over.tune_over_envelope(bounded, climbing(-0.2, 0.45), AT, g=G, starts=1)
+
+    assert (found.status, found.gains, found.factor) == ("infeasible", None, 0.0)
+    assert found.reason.startswith("`I_star` must be at least ")
+    assert found.reason == ft.tune(bounded).reason
+    assert (found.R_envelope, found.R_envelope_bound) == (0.0, np.inf)

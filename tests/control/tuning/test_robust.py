@@ -42,6 +42,28 @@ def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     assert found.R_K == pytest.approx(plain.R_K, rel=2.0 * SAME)
 
 
+def test_channels_that_a_law_couples_are_tuned_together():
+    apart = ft.loop.kinematic_model(V_a=25.0, gamma=0.2, g=9.81)
+    A, alone = apart.A.copy(), np.zeros((3, 3))
+    A[0, 1], alone[:2, :2] = 0.01, apart.A
+    undriven = replace(
+        apart, A=alone, B=np.vstack([apart.B, [0.0, 0.0]]), C=np.eye(2, 3),
+        states=("chi", "gamma", "drift"),
+    )  # fmt: skip
+
+    ((inputs, errors, whole),) = channels(ft.loop.TuningProblem(model=replace(apart, A=A)))
+    assert (inputs.tolist(), errors.tolist()) == ([0, 1], [0, 1])
+    assert whole.model.A.tolist() == A.tolist()
+    ((inputs, errors, whole),) = channels(ft.loop.TuningProblem(model=undriven))
+    assert (inputs.tolist(), errors.tolist(), whole.model) == ([0, 1], [0, 1], undriven)
+    course, path = channels(ft.loop.TuningProblem(model=apart, scaling=np.array([1, 2, 3, 4.0])))
+    for i, (inputs, errors, part) in enumerate((course, path)):
+        assert (inputs.tolist(), errors.tolist()) == ([i], [i])
+        assert (part.model.A, part.model.B) == (apart.A[i, i], apart.B[i, i])
+        assert part.scaling.tolist() == [1.0 + i, 3.0 + i]
+        assert part.model.names == tuple((names[i],) for names in apart.names)
+
+
 @pytest.mark.slow
 def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
     several = [problem(w) for w in (5.0, 8.0, 12.0)]

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from fuzzing import slow
 from made_up import made_up_scenario
+from scipy.integrate import quad
 from scipy.optimize import minimize
 
 import flighttune as ft
-from flighttune.control.tuning.shaped import _Search
+from flighttune.control.tuning.shaped import GustLoop, _Search
 from flighttune.flight.models import identified_problems
 from tests.control.tuning.conftest import DECOUPLED
 
@@ -114,6 +115,29 @@ def test_costs_and_peaks_are_those_of_the_worse_channel(scales):
     decays = [abscissa(*each) for each in of_channels]
     decay = _Search([replace(problem, objective="decay")], K.ravel())
     assert decay.costs(unit) == pytest.approx([max(decays)], rel=1e-9)
+
+
+@pytest.mark.parametrize("K_I", [0.0, 0.3])
+def test_errors_in_gusts_are_those_of_the_spectrum_also_without_an_integral(K_I):
+    """The Dryden spectrum of MIL-F-8785C past ``s^2 / (s^2 + b (K_P s + K_I))``, by quadrature."""
+    law, b = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), 9.81 / 25.0
+    gusts, K_P = np.array([0.3, 0.8]), np.array([1.5, 2.5])
+    problem = ft.loop.TuningProblem(model=law, objective="rms", sensitivity_max=2.0, gusts=gusts)
+    K = np.hstack([np.diag(K_P), K_I * np.eye(2)])
+
+    found = GustLoop(problem).errors(K, np.zeros(2))
+
+    for error, a, gain in zip(found, gusts, K_P, strict=True):
+
+        def density(w, a=a):
+            return (1.0 + 3.0 * (w / a) ** 2) / (1.0 + (w / a) ** 2) ** 2
+
+        def passed(w, a=a, gain=gain):
+            s = 1j * w
+            return abs(s**2 / (s**2 + b * (gain * s + K_I))) ** 2 * density(w, a)
+
+        whole, left = (quad(x, 0.0, np.inf, limit=200)[0] for x in (density, passed))
+        assert error == pytest.approx(np.sqrt(left / whole), rel=1e-5)
 
 
 def test_a_search_for_the_fastest_decay_ends_at_the_largest_sensitivity():
