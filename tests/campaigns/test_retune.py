@@ -222,6 +222,85 @@ def test_the_answer_says_what_its_flights_tell_and_what_they_do_not(file, plan):
     )
 
 
+def test_the_answer_states_both_sides_of_every_number(file, plan):
+    """Cost of 2 + 3 + 1 and of 1 + 2 + 1; a factor of 4 is 12.0 dB, and 1 rad is 57 deg."""
+    rows = rows_of([GOOD] * 92 + [LOST], [BETTER] * 93).assign(plant="jsbsim:aerosonde")
+    margins = [("gain margin", "roll"), ("gain margin", "lift"), ("range", "NPFG_PERIOD")]
+    counted = replace(
+        retuned_of(rows, file, plan.with_runs(93)), flights=600,
+        held_by=tuple(retune.Constraint(*of) for of in margins),
+    )  # fmt: skip
+
+    said = counted.answer()
+
+    first, errors, cuts, aircraft = said.summary
+    assert first.startswith(
+        "Lost 1 | 0 of 93 fresh draws, yours | tuned. The tuned parameters are better, after 600 "
+        "flights of 70 candidates. They are held by the gain margins of roll and lift, and the "
+        "range of NPFG_PERIOD."
+    )
+    assert errors == (
+        "Root mean squares: cross track 2 | 1 m, height 3 | 2 m, airspeed 1 | 1 m/s, course 4 | 4 "
+        "deg; cost 6 | 4, which is 1 cross track [m] + 1 height [m] + 1 airspeed [m/s]."
+    )
+    assert cuts == (
+        "Margins: roll 12.0 dB, 57 deg | 12.0 dB, 57 deg; lift 12.0 dB, 57 deg | 12.0 dB, 57 deg. "
+        "Rates of the commands of roll and lift: 1.50 and 1.20 times yours."
+    )
+    assert aircraft == "The aircraft is jsbsim:aerosonde; `--aircraft` names another."
+    assert said.failure == ""
+    (change,) = said.values["changes"]
+    assert [change[x] for x in ("name", "old", "new")] == ["NPFG_PERIOD", 10.0, 7]
+    assert change["why"] == "speed of the return to the track"
+    (published,) = (x for x in counted.now.rows if x["name"] == "NPFG_PERIOD")
+    assert change["range"] == published["range"]
+    assert said.values["better"] is True
+    assert said.values["held_by"][0] == "the gain margin of roll"
+    lost, cost = said.values["lost"], said.values["cost"]
+    assert (lost, cost) == ({"yours": 1, "tuned": 0}, {"yours": 6.0, "tuned": 4.0})
+    assert said.values["lost_at_most"]["tuned"] == pytest.approx(1.0 - 0.05 ** (1.0 / 93.0))
+    assert said.tables[1].records == said.values["accuracy"] == counted.accuracy
+    assert said.tables[1].title.endswith("at a confidence of 95 %")
+    others = retuned.aircraft(replace(counted, file=counted.file.with_suffix(".ulg")))
+    assert "`--aircraft " in others
+    assert "flies the lags of the log instead" in others
+
+
+@pytest.mark.parametrize(
+    ("held_by", "changed", "refused"),
+    [
+        ([("rate", "the commanded roll")], False, "the rate of the commanded roll"),
+        ([("rate", "the commanded roll")], True, ""),
+        ([], False, ""),
+    ],
+)
+def test_what_is_not_better_is_said_first_with_what_refused_the_cheaper(
+    file, plan, held_by, changed, refused
+):
+    """Bounds refuse what costs less only where the start itself came out."""
+    rows = rows_of([GOOD] * 9, [BETTER] * 9).assign(plant="jsbsim:aerosonde")
+    counted = retuned_of(rows, file, plan.with_runs(9))
+    best = counted.best if changed else replace(counted.best, law=counted.start.law)
+    constraints = tuple(retune.Constraint(*of) for of in held_by)
+    reasons = ("it is heavier", "it is slower")
+    counted = replace(counted, best=best, held_by=constraints, against=reasons)
+
+    said = counted.answer()
+
+    words = f" What costs less is refused by {refused}." * bool(refused)
+    assert (
+        said.failure
+        == said.summary[0]
+        == (
+            "Lost 0 | 0 of 9 fresh draws, yours | tuned. Nothing is written, after 0 flights of 70 "
+            f"candidates: it is heavier and it is slower.{words}"
+        )
+    )
+    assert said.values["better"] is False
+    assert said.values["against"] == ["it is heavier", "it is slower"]
+    assert retuned.constraints([]) == ""
+
+
 @pytest.mark.parametrize("period", guidance())
 def test_every_place_of_a_search_is_within_the_published_range(period):
     table = guidance()[period]
