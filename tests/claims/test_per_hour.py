@@ -1,6 +1,8 @@
 """Declared rates of faults, flights that leave a volume, and the claim per flight hour."""
 
 import json
+import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -598,6 +600,101 @@ def test_what_matters_most_is_the_largest_term_of_a_fault_or_of_healthy_flight(
 ):
     assert claim.largest == largest
     assert said in claim.answer().summary[-1]
+
+
+def test_a_claim_says_yes_no_or_not_yet_with_its_terms_and_its_target():
+    """The terms are those of `HourlyBound`, each to two digits rounded up."""
+
+    def up(value, digits):
+        step = 10.0 ** (math.floor(math.log10(value)) + 1 - digits)
+        return math.ceil(value / step - 1e-9) * step
+
+    claim = hours(0, 4, target=1.0)
+    healthy = claim.bound.healthy
+    first, shares = claim.answer().summary[:2]
+    total = float(re.search(r"at most ([\d.]+) flights per flight hour", first)[1])
+    assert first.startswith("Yes: at most")
+    assert first.endswith("at a confidence of 0.9; the target is 1.")
+    assert total == pytest.approx(up(claim.bound.total, 3))
+    of = [float(x) for x in re.findall(r"\d[\d.e-]*\d", shares)]
+    expected = [up(healthy, 3), up(claim.bound.faults[0], 2), up(claim.bound.several, 2)]
+    assert of == pytest.approx(expected)
+    assert "aileron stuck" in shares
+    assert claim.answer().failure == ""
+    assert hours(0, 4).answer().summary[0].startswith("At most")
+    assert "target" not in hours(0, 4).answer().summary[0]
+    few, no = hours(target=0.9 * hours(target=1.0).bound.healthy), hours(0, 200, target=0.5)
+    assert few.answer().summary[0].startswith("Not shown yet: at most")
+    assert no.answer().summary[0].startswith("No: at most")
+    assert no.answer().failure.endswith("and the target is 0.5")
+
+
+def test_a_table_of_a_claim_has_its_counts_and_those_of_other_times():
+    claim = hours(2, 4, target=1.0, later=[(0, 1.0), (200, 2.0)])
+
+    said = claim.answer()
+
+    first, struck, two = said.tables[0].records
+    assert [first[x] for x in ("outside", "flights", "ended")] == [2, 300, 0]
+    assert (first["bound"], two["bound"]) == (claim.bound.healthy, claim.bound.several)
+    assert [struck[x] for x in ("per_hour", "outside", "source")] == [1.0, 4, "a log"]
+    # Clopper and Pearson at the confidence of each count
+    share = stats.beta.ppf(claim.bound.each, 5, 296)
+    assert struck["share"] == pytest.approx(share)
+    assert two["flights"] is None
+    times = said.tables[1]
+    assert times.title == "time of ending: aileron stuck"
+    assert [(x["ended_s"], x["outside"]) for x in times.records] == [(1.0, 0), (2.0, 200)]
+    assert times.records[0]["total"] < 1.0 < times.records[1]["total"]
+    values = said.values["per_hour"]
+    assert values["latest"] == {"fault": "aileron_stuck", "ended_s": 1.0}
+    assert (values["bound"], values["target"]) == (claim.bound.total, 1.0)
+    assert values["window_s"] == 100.0
+    assert len(hours(2, 4).answer().tables) == 1
+    assert hours(2, 4).answer().values["per_hour"]["latest"] is None
+
+
+@pytest.mark.parametrize(
+    ("claim", "said"),
+    [
+        (
+            hours(0, 0, target=1.0, later=[(200, 1.0)]),
+            "The target does not hold even if a flight is ended 1 s after the fault.",
+        ),
+        (
+            hours(0, 0, target=1.0, later=[(0, per_hour.LATER_S[-1])]),
+            f"The target holds if a flight is ended within {per_hour.LATER_S[-1]:g} s of a stuck "
+            "aileron, the latest time that was flown.",
+        ),
+        (hours(0, 0, target=1.0), None),
+    ],
+)
+def test_the_latest_time_is_said_if_it_was_sought(claim, said):
+    assert answers.latest(claim) == ([said] if said else [])
+
+
+def test_what_matters_most_says_how_many_flights_were_ended_and_asks_for_more():
+    claim = hours()
+    (healthy, struck) = claim.terms
+    ended = replace(
+        struck, left_s=(5.0,) * 200 + (-1.0,) * 100, ended_at_s=(4.0,) * 120 + (-1.0,) * 180
+    )
+    assert answers.matters_most(replace(claim, terms=(healthy, ended))).endswith(
+        "1 s: 200 of 300 flights left, 120 were ended."
+    )
+    half = hours(0, 0, target=0.9 * hours(target=1.0).bound.healthy)
+    needed = per_hour.healthy_flights_for(half)
+    assert answers.matters_most(half) == (
+        "What matters most is the number of healthy flights: none of 300 left the volume; "
+        f"{needed} flights (`flights`), none outside, would bring it to half of the target."
+    )
+    open_ = {**claim.rates, "ending": {"kind": "parachute", "opens_s": 1.5, "sink_mps": 4.0}}
+    assert answers.endings(replace(claim, rates=open_, terms=(healthy, ended)))[1:] == [
+        "The parachute opens after 1.5 s and sinks by 4 m/s, as declared."
+    ]
+    assert any("alarm" in x for x in answers.endings(
+        replace(claim, alarms=Alarms(models=(), middle=(), half=()))
+    ))  # fmt: skip
 
 
 @pytest.mark.parametrize(
