@@ -7,36 +7,17 @@ import numpy as np
 import pytest
 from commands import answer, flighttune
 from fuzzing import slow
+from made_up_missions import AREA, HALF, made_up_flights, mission
 from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
 
 import flighttune as ft
-from flighttune.base.files.code import JSBSIM
 from flighttune.claims import counting
 from flighttune.claims.mission import LEARN
 from flighttune.outputs.answers.band import summary
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
-
-# Of a route that is flown in half of the time
-HALF = (47.402, 8.503)
-AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
-
-
-def mission(path, area=AREA, *, corner=(47.404, 8.506)):
-    """Take-off at 47.4 N, 445 m to the north and 450 m to the east, in an area."""
-    lat, lon = corner
-    fence = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": area}]}
-    return plan_file(
-        path,
-        item(22, 15, 0, 0, None, 47.4, 8.5, 60),
-        item(178, 0, 26, -1, 0, 0, 0, 0, frame=2),
-        waypoint(lat, 8.5, 70),
-        waypoint(lat, lon, 70),
-        geoFence=fence,
-        rallyPoints={"points": [[47.401, 8.505, 70]], "version": 2},
-    )
 
 
 @pytest.mark.soak
@@ -132,24 +113,6 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     ):
         assert words in flighttune("mission", source, *FEW, *options, status=2)[1]
     assert "counted with `flighttune mission`" in flighttune("band", file, status=2)[1]
-
-
-def made_up_flights(monkeypatch, lost_every):
-    """The runs that are counted, in place of flights; some of them do not complete."""
-    rng, counted = np.random.default_rng(1), []
-
-    def flown(pool, plan, kept, runs, doing="counting"):
-        away = rng.uniform(0.1, 0.3, (len(runs), len(kept.edges) - 1, 2, 1)).astype(np.float32)
-        extremes = np.concatenate([-away, away], axis=-1)
-        if doing == "counting":
-            counted.extend(runs)
-            if lost_every:
-                extremes[(np.array(runs) - LEARN) % lost_every == 0] = [-np.inf, np.inf]
-        return extremes, np.zeros((len(runs), 0)), np.zeros((len(runs), 4 * kept.navigated))
-
-    monkeypatch.setattr("flighttune.claims.counting._flown", flown)
-    monkeypatch.setenv(JSBSIM, "1")  # flown again, they would be others
-    return counted
 
 
 def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch):
@@ -303,13 +266,18 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("least", "said"),
     [
-        ((15.0, 15.0), "With `--set flight.V_a_mps=18` these 2 complete."),  # 0.9 times is first
+        # 0.9 times is first
+        pytest.param(
+            (15.0, 15.0), "With `--set flight.V_a_mps=18` these 2 complete.", marks=pytest.mark.soak
+        ),
         ((15.0, 21.0), "With `--set flight.V_a_mps=22` these 2 complete."),
-        ((23.0, 15.0), "With `--set flight.V_a_mps=24` these 2 complete."),
+        pytest.param(
+            (23.0, 15.0), "With `--set flight.V_a_mps=24` these 2 complete.", marks=pytest.mark.soak
+        ),
         ((15.0, 99.0), "They do not complete with 0.8, 0.9, 1.1, 1.2 times the airspeed"),
     ],
 )
@@ -338,7 +306,8 @@ def test_a_change_is_said_with_which_all_flights_that_ended_early_complete(
     monkeypatch.setattr(counting, "_flown", with_endings)
     legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]
     changes = {"route.waypoint": legs, "flight.V_a_mps": 20.0}
-    odds = ft.mission("circuit_in_wind", changes=changes, workers=1)
+    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 9}
+    odds = ft.mission("circuit_in_wind", changes=changes, workers=1, **few)
 
     assert odds.way.startswith(said)
 

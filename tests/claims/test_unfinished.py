@@ -7,6 +7,7 @@ import sys
 from itertools import pairwise
 
 import pytest
+from made_up_missions import made_up_flights
 
 import flighttune as ft
 from flighttune.base.errors import StoppedError
@@ -118,6 +119,39 @@ def test_an_unfinished_count_of_other_flights_is_not_gone_on_with(left, tmp_path
     assert heard.endswith("it is counted from the beginning.")
     assert len(ft.load(out).scores) == 14
     assert not kept.exists()
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({}, "9 flights are counted already."),
+        ({"seed": 7}, "its flights belong to another count: it is counted from the beginning."),
+        (None, "must be a band file"),
+    ],
+)
+def test_a_stopped_count_goes_on_with_its_flights_alone(tmp_path, monkeypatch, other, said):
+    monkeypatch.setattr(unfinished, "FIRST", 4)
+    out, kept, seen = tmp_path / "m.npz", tmp_path / "m-unfinished.npz", Seen()
+    made_up_flights(monkeypatch, stopped_after=9)
+    with pytest.raises(StoppedError) as stopped:
+        ft.mission("circuit_in_wind", out=out, **FEW)
+    assert stopped.value.kept == str(kept)
+    assert [file.name for file in tmp_path.iterdir()] == [kept.name]
+    if other is None:
+        kept.write_bytes(b"damaged")
+
+    flown = made_up_flights(monkeypatch)
+    settings = {**FEW, **(other or {})}
+    ft.mission("circuit_in_wind", out=out, observer=seen, **settings)
+
+    (heard,) = seen.said
+    assert heard.startswith(f"{kept}: ")
+    assert said in heard
+    begun = 9 if other == {} else 0
+    assert flown == [*range(LEARNED + begun, LEARNED + 14)]
+    assert [file.name for file in tmp_path.iterdir()] == [out.name]
+    ft.mission("circuit_in_wind", out=tmp_path / "whole.npz", **settings)
+    assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
 
 
 def test_little_of_a_long_count_is_lost_and_little_of_it_is_written():

@@ -1,0 +1,140 @@
+"""Files beside the band of a mission: those of an earlier count go, and those of others stay."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geographiclib.geodesic import Geodesic
+from made_up_missions import AREA, made_up_flights, mission
+
+import flighttune as ft
+from flighttune.claims import hourly_flights, leaving
+
+FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 12, "workers": 1}
+WRITTEN = {"m.npz", "m-turn-back.npz", "m.geojson", "m.kml", "m-per-hour.json"}
+RATES = """
+flights = 8
+[[fault]]
+kind = "engine"
+per_hour = 1e-3
+source = "a log"
+flights = 6
+"""
+
+# m: the start and its areas are on a plane
+PLANE = 3.0
+
+
+@pytest.fixture(autouse=True)
+def flights(monkeypatch):
+    """Flights of the mission, of turning back, and with faults are made up."""
+    made_up_flights(monkeypatch)
+
+    def flown(_flights, _pool, runs, _doing):
+        return [leaving.Left(leaving.NEVER, 20.0, leaving.NEVER, 0.0) for _ in runs]
+
+    monkeypatch.setattr(hourly_flights.TermFlights, "flown", flown)
+
+
+@pytest.fixture(scope="module")
+def counted(tmp_path_factory):
+    """A folder with a mission, and all that is counted of it."""
+    folder = tmp_path_factory.mktemp("counted")
+    (folder / "rates.toml").write_text(RATES)
+    mission(folder / "m.plan")
+    return folder
+
+
+@pytest.fixture
+def place(counted, tmp_path):
+    """A folder of its own with these files."""
+    if not (counted / "m.npz").exists():
+        rates, out = counted / "rates.toml", counted / "m.npz"
+        ft.mission(counted / "m.plan", turn_back=30, rates=rates, out=out, **FEW)
+    shutil.copytree(counted, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def names(folder):
+    return {file.name for file in folder.iterdir()} - {"m.plan", "rates.toml"}
+
+
+def test_all_that_is_counted_stands_beside_the_band(place):
+    assert names(place) == WRITTEN
+    hourly = ft.load(place / "m-per-hour.json")
+
+    (ring,) = hourly.volume.rings
+    lines = [Geodesic.WGS84.Inverse(47.4, 8.5, *corner) for corner in AREA]
+    corners = [line["s12"] * np.exp(1j * np.deg2rad(line["azi1"])) for line in lines]
+    assert np.abs(np.subtract.outer(corners, np.array(ring) @ [1.0, 1j])).min(axis=1).max() < PLANE
+    assert (hourly.volume.outside, hourly.volume.low, hourly.volume.high) == ((False,), None, None)
+    # three claims share 0.1; that of each hour has its own
+    assert ft.load(place / "m.npz").about.confidence == pytest.approx(1.0 - 0.1 / 3.0)
+    assert hourly.confidence == FEW["confidence"]
+
+
+def test_a_new_count_leaves_none_of_an_earlier_one(place):
+    ft.mission(place / "m.plan", out=place / "m.npz", seed=3, **FEW)
+
+    assert names(place) == {"m.npz"}
+
+
+def test_a_new_count_leaves_files_of_others(place):
+    others = "m-turn-back.npz", "m.geojson", "m-per-hour.json"
+    for name in others:
+        (place / name).write_text("of somebody else")
+    ft.mission(place / "m.plan", out=place / "m.npz", seed=3, **FEW)
+
+    # whose volume it is follows from the room beside it
+    assert names(place) == {"m.npz", "m.kml", *others}
+    assert all((place / name).read_text() == "of somebody else" for name in others)
+
+
+def test_volumes_of_somebody_else_stay_beside_a_new_count(place):
+    (place / "m.kml").write_text("of somebody else")
+    ft.mission(place / "m.plan", out=place / "m.npz", seed=3, **FEW)
+
+    assert names(place) == {"m.npz", "m.kml"}
+
+
+@pytest.mark.parametrize("name", ["m.npz", "other.npz"])
+def test_a_band_that_is_written_over_another_leaves_none_of_it(place, name):
+    """Beside its own file all stays."""
+    other = (place / name).with_stem("other")
+    for file in WRITTEN:
+        shutil.copy(place / file, place / file.replace("m", "other", 1))
+
+    ft.mission(place / "m.npz", out=place / name, workers=1)
+
+    left = {other.name} if name == other.name else {x.replace("m", "other", 1) for x in WRITTEN}
+    assert names(place) == WRITTEN | left
+    assert ft.load(place / name).sha256 == ft.load(place / "m.npz").sha256
+
+
+def test_of_a_room_that_is_not_claimed_no_volumes_are_left(place):
+    odds = ft.mission(place / "m.npz", turn_back=30, workers=1)
+    assert {odds.files[key].name for key in ("room", "volumes", "kml")} <= WRITTEN
+    extremes = odds.room.extremes.copy()
+    extremes[:] = np.float32([-np.inf, np.inf])
+
+    odds.with_room(replace(odds.room, extremes=extremes))
+
+    assert names(place) == WRITTEN - {"m.geojson", "m.kml"}
+    assert not ft.load(place / "m-turn-back.npz").claims
+
+
+@pytest.mark.parametrize("given", ["source", "fence"])
+def test_volumes_do_not_replace_what_is_read(place, given):
+    volumes = (place / "m.geojson").read_bytes()
+    source, fences = (
+        (place / "m.geojson", [])
+        if given == "source"
+        else (place / "m.plan", [place / "m.geojson"])
+    )
+
+    with pytest.raises(ft.InputError, match=r"volumes beside it must not replace .*m\.geojson"):
+        ft.mission(source, fences=fences, turn_back=30, out=place / "m.npz", **FEW)
+
+    assert (place / "m.geojson").read_bytes() == volumes
+    assert names(place) == WRITTEN
