@@ -1,37 +1,156 @@
 """The count of a monitor: its claim, its file, a forgery, and a fault that it finds."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import answer, flighttune
-from made_up import scenario_file
+from flown_campaigns import flown_here
+from made_up import made_up_scenario, scenario_file
+from made_up_band import count_of, plan_of_paper, scores_of
 from plans import plan_file, waypoint
 from watched import flown, stuck, turn
 
 import flighttune as ft
+from flighttune.base.files.code import JSBSIM
 from flighttune.claims import counting, mission
+from flighttune.claims.band import RecordedSignals
 from flighttune.claims.rates_keys import load_rates
+from flighttune.flight.entry import entry_of
+from flighttune.flight.fly import fly_alone
 
 pytestmark = pytest.mark.slow
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
 
+SECONDS = 2.5
+OF_TURN = {"changes": {"flight.duration_s": SECONDS}}
+STUCK_S = 1.0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def flights_here():
+    """JSBSim flies in this process."""
+    with pytest.MonkeyPatch.context() as patch, flown_here():
+        patch.setenv(JSBSIM, "1")
+        yield
+
 
 @pytest.fixture(scope="module")
-def monitor():
-    return ft.monitor("level_turn", start_deg=2.0, changes={"flight.duration_s": 4.0}, **FEW)
+def monitor(flights_here):
+    return ft.monitor("level_turn", start_deg=2.0, flights=12, **OF_TURN, **FEW)
 
 
-HEALTHY = turn(4.0, 0.3, -0.3)
-FAULTY = turn(4.0, 0.3, -0.3, **stuck(1.0))
+HEALTHY = turn(SECONDS, 0.3, -0.3)
+FAULTY = turn(SECONDS, 0.3, -0.3, **stuck(STUCK_S))
+SEVERE = ft.scenario_from(HEALTHY.as_dict() | {"turbulence": {"intensity": "severe"}})
 
 
-@pytest.mark.soak
+@pytest.fixture(scope="module")
+def runs():
+    """A healthy flight, and one with a fault."""
+    return flown(HEALTHY), flown(FAULTY)
+
+
 def test_the_limits_are_those_that_the_count_allows(monitor):
-    # the largest k of which a binomial of 29 and 0.3 has k or fewer with at most 0.1
-    assert (len(monitor.scores), monitor.outside) == (29, 5)
+    # the largest k of which a binomial of 12 and 0.3 has k or fewer with at most 0.1
+    assert (len(monitor.scores), monitor.outside) == (12, 1)
     assert "raises an alarm with probability at most 0.3" in monitor.sentence
+    watch, said = monitor.watch, monitor.answer()
+    second = np.sort(monitor.scores)[-2]
+    assert watch.half == pytest.approx(second * monitor.about.half[0])
+    ends = [(row["low"], row["high"]) for row in monitor.sizes()]
+    middles = zip(watch.middle, watch.half, strict=True)
+    assert ends == [pytest.approx((middle - half, middle + half)) for middle, half in middles]
+    models = said.values["models"]
+    assert [x["name"] for x in models] == [*monitor.about.signals]
+    assert all(len(x["weights"]) == len(x["terms"]) for x in models)
+
+
+def test_the_score_rises_above_its_limit_at_the_alarm_of_a_fault(monitor, runs):
+    healthy, faulty = (monitor.on(run) for run in runs)
+    alarm = monitor.alarm(runs[1])
+
+    assert (healthy.alarm, healthy.no_claim, faulty.no_claim) == (None, "", "")
+    assert faulty.alarm == alarm
+    assert STUCK_S < alarm.at_s < STUCK_S + 0.5
+    assert alarm.why in ("roll", "turn")
+    for run, claim in zip(runs, (healthy, faulty), strict=True):
+        score = claim.signals["alarm_score"]
+        assert len(score) == len(run.signals)
+        assert (np.diff(score) >= 0.0).all()
+    assert healthy.signals["alarm_score"].max() <= 1.0
+    above = faulty.signals["alarm_score"] > 1.0
+    assert runs[1].t[above.argmax()] == pytest.approx(alarm.at_s)
+
+
+def test_a_monitor_says_which_flights_it_does_not_score_and_which_are_not_in_its_claim(
+    monitor, runs
+):
+    healthy, faulty = runs
+    made = healthy.provenance
+    soft = ft.PIGains(K_P=0.5 * np.eye(2), K_I=0.1 * np.eye(2))
+    of_log = {**made.scenario, "log": {"file": "x.csv"}}
+    log = replace(healthy, provenance=replace(made, scenario=of_log, plant="log"))
+    scored = replace(healthy, signals=healthy.signals.assign(alarm_score=0.0))
+    both = ft.scenario_from(
+        HEALTHY.as_dict() | {"plant": [{"kind": "kinematic"}, *HEALTHY.as_dict()["plant"]]}
+    )
+    law = fly_alone(entry_of(both, "paper", ft.PAPER_GAINS))
+
+    assert [monitor.why_not(run) for run in (healthy, faulty, log)] == [""] * 3
+    assert monitor.why_not(scored) == "another monitor has scored it"
+    lacking = replace(healthy, signals=healthy.signals.drop(columns=["r", "p"]))
+    assert monitor.why_not(lacking) in (f"it must have {x} to be watched" for x in ("p, r", "r, p"))
+    assert "counted on jsbsim:aerosonde" in monitor.why_not(law)
+    other = replace(healthy, provenance=replace(made, gains=soft))
+    assert "gains are not those counted on, paper" in monitor.why_not(other)
+
+    assert [monitor.not_about(run) for run in runs] == ["", ""]
+    assert "log of a real flight" in monitor.not_about(log)
+    assert monitor.on(log).alarm is None
+    severe = "turbulence is severe, counted on none"
+    assert monitor.not_about(flown(SEVERE)) == severe
+
+    def said(scenario, gains=ft.PAPER_GAINS, plant=0):
+        entry = entry_of(scenario, "paper", gains)
+        return monitor.not_counted(replace(entry, plant=scenario.plant[plant]))
+
+    assert [said(HEALTHY), said(FAULTY), said(SEVERE)] == ["", "", severe]
+    assert "gains are not those" in said(HEALTHY, soft)
+    assert said(both, plant=1) == ""
+    assert said(both).startswith("plant is no aircraft, counted on jsbsim:aerosonde")
+
+
+def test_the_monitor_of_declared_rates_is_of_the_aircraft_and_gains_of_the_mission(
+    monitor, runs, tmp_path
+):
+    rates = tmp_path / "rates.toml"
+    fault = '[[fault]]\nkind = "engine"\nper_hour = 1e-3\nsource = "a log"\n'
+    rates.write_text(f'[ending]\nmonitor = "m.npz"\n{fault}')
+    monitor.save(tmp_path / "m.npz")
+
+    def alarms(gains, file=rates):
+        flights = ft.flights("level_turn", **OF_TURN)
+        plan = counting.drawn(flights, plant="jsbsim:aerosonde", gains=gains)
+        return mission._alarms(file, load_rates(file), plan)
+
+    kept = alarms("paper")
+    assert (kept.middle, kept.half) == (tuple(monitor.watch.middle), tuple(monitor.watch.half))
+    firsts = [kept.first(run) for run in runs]
+    assert firsts == [math.inf, monitor.alarm(runs[1]).at_s]
+    of_mission = "`monitor` must be of the aircraft, law and gains of the mission: its gains"
+    with pytest.raises(ft.InputError, match=of_mission):
+        alarms("tuned_identified")
+    measured = RecordedSignals(units={"chi_err": "rad"})
+    band = count_of(ft.Band, plan_of_paper(made_up_scenario()), measured, 1.0, scores_of(1.0))
+    band.save(tmp_path / "m.npz")
+    with pytest.raises(ft.InputError, match=r"m\.npz: `monitor` must be a monitor counted on"):
+        alarms("paper")
+    rates.write_text(fault)
+    assert alarms("paper") is None
 
 
 @pytest.mark.soak
@@ -69,8 +188,7 @@ def test_an_alarm_of_a_flight_that_it_is_not_about_is_none_and_the_first_line_sa
     monitor, tmp_path
 ):
     monitor.save(tmp_path / "m.npz")
-    tables = HEALTHY.as_dict() | {"turbulence": {"intensity": "severe"}}
-    file = scenario_file(tmp_path / "s.toml", ft.scenario_from(tables))
+    file = scenario_file(tmp_path / "s.toml", SEVERE)
     fly = "fly", file, "--claim", tmp_path / "m.npz", "--out", tmp_path / "runs"
     said = "no claim about this flight: turbulence is severe, counted on none"
 
@@ -91,30 +209,42 @@ def test_an_alarm_of_a_flight_that_it_is_not_about_is_none_and_the_first_line_sa
     assert "No claim about flights of this scenario" in Path(made["monitor"]).read_text()
 
 
-@pytest.mark.soak
 def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):
     monitor.save(tmp_path / "monitor.npz")
     read = ft.load(tmp_path / "monitor.npz")
     assert read.sha256 == monitor.sha256
-    assert ft.verify(read, count=2).valid
+    assert ft.verify(read, count=1).valid
 
     first, *others = read.about.models
     weights = tuple(1.001 * weight for weight in first.weights)
     models = (replace(first, weights=weights), *others)
     forged = replace(read, about=replace(read.about, models=models))
 
-    verified = ft.verify(forged, count=2)
+    verified = ft.verify(forged, count=1)
 
     assert not verified.valid
-    assert "airspeed" in verified.reason or "equal to the bit" in verified.reason
+    assert f"`weights` of {first.name} must be those" in verified.reason
 
 
-@pytest.mark.soak
-def test_models_of_other_signals_are_refused(monitor, tmp_path):
-    changed = replace(monitor, about=replace(monitor.about, models=monitor.about.models[1:]))
-    changed.save(tmp_path / "monitor.npz")
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (lambda first, *others: others, "`models` must be those of the `signals`"),
+        (
+            lambda first, *others: (replace(first, weights=first.weights[1:]), *others),
+            "`models` must be those that flighttune monitor counts, with a weight for each",
+        ),
+        (
+            lambda first, *others: (replace(first, room=2.0 * first.room), *others),
+            "`models` must be those that flighttune monitor counts",
+        ),
+    ],
+)
+def test_models_that_are_not_counted_are_refused(monitor, tmp_path, changed, said):
+    models = changed(*monitor.about.models)
+    replace(monitor, about=replace(monitor.about, models=models)).save(tmp_path / "monitor.npz")
 
-    with pytest.raises(ft.InputError, match=r"`models` .* of the `signals`"):
+    with pytest.raises(ft.InputError, match=said):
         ft.load(tmp_path / "monitor.npz")
 
 
