@@ -67,8 +67,8 @@ def test_an_error_of_a_column_is_said_with_its_cure(log_of, name):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("name", [*ERRORS])
-def test_every_error_is_said_in_wind(log_of, name):
+@pytest.mark.parametrize("name", [*ERRORS][::3])  # all of them in `make counts`
+def test_errors_are_said_in_wind_too(log_of, name):
     check_error(log_of, "wind", 10, name)
 
 

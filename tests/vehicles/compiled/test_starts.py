@@ -86,9 +86,9 @@ def differing_at_start(config, condition, weather=None, ground=0.0, **settings):
         pytest.param("c182", 1, 3, marks=pytest.mark.soak),  # whose engine stops, and is started
         pytest.param("DHC6", 3, 3, marks=pytest.mark.counts),
         pytest.param("c182", 3, 3, marks=pytest.mark.counts),
-        *(pytest.param(x, 20, 20, marks=pytest.mark.soak) for x in SHIPPED),
+        *(pytest.param(x, 8, 20, marks=pytest.mark.soak) for x in SHIPPED),
         *(pytest.param(x, 120, 120, marks=pytest.mark.counts) for x in SHIPPED),
-        pytest.param("737", 10, 40, marks=pytest.mark.soak),
+        pytest.param("737", 4, 40, marks=pytest.mark.soak),
         pytest.param("737", 40, 40, marks=pytest.mark.counts),
     ],
 )
