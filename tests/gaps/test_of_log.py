@@ -98,9 +98,9 @@ def integrated_flight(folder, *, late=(0.0, 0.0), wind=(0.0, 0.0), V_a=25.0):
     return file
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_a_flight_of_the_equations_of_the_model_differs_by_wind_and_delays_alone(tmp_path):
-    wind, late = (4.0, -7.0), (0.25, -0.03)
+    wind, late = (1.5, -2.0), (0.08, -0.03)
     model = load_aircraft("aerosonde").folder / "identified.json"
 
     gap = ft.gap(integrated_flight(tmp_path, late=late, wind=wind), aircraft=str(model))
@@ -111,15 +111,23 @@ def test_a_flight_of_the_equations_of_the_model_differs_by_wind_and_delays_alone
     assert north_east == pytest.approx(wind, abs=WIND_ERROR)
     assert all(low < found[name] < high for name, (_, low, high) in gap.factors.items())
     assert gap.explained > 0.998
+    assert len(gap.notes) == 1  # an identified model has no airframe to change
+    assert gap.tracking == ()
     # The shares of two causes that have little to do with each other add up to the whole.
     (lag, without_lag), (air, without_air) = gap.causes["lag"], gap.causes["wind"]
-    assert lag + air == pytest.approx(1.0, abs=0.01)
-    assert (without_lag, without_air) == pytest.approx((lag, air), abs=0.01)
+    assert lag + air == pytest.approx(1.0, abs=0.02)
+    assert (without_lag, without_air) == pytest.approx((lag, air), abs=0.02)
+    assert 0.05 < lag < 0.2
     # What adds up from the start of a stretch has no mean, the others have theirs.
     law, *_, model, explained = gap.answer().tables[0].records
+    squares = [
+        sum((row[name] / scale) ** 2 for name, scale in of_log.SCALES.items() if name in row)
+        for row in (model, explained)
+    ]
+    assert gap.explained == pytest.approx(1.0 - squares[1] / squares[0])
     assert explained["phi"] < 0.02 * model["phi"]
-    assert explained["chi"] < 0.02 * model["chi"] < model["chi"] < law["chi"]
-    assert explained["tail"] < 0.01 * model["tail"]
+    assert explained["chi"] < 0.04 * model["chi"] < model["chi"] < law["chi"]
+    assert explained["tail"] < 0.02 * model["tail"]
     assert model["tail"] == pytest.approx(math.hypot(*wind) / 2.0**0.5, rel=0.2)
 
 
