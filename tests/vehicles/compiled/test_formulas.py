@@ -22,6 +22,7 @@ from flighttune.vehicles.compiled import (
 )
 from flighttune.vehicles.plants.weather import Gust
 
+AT = "propulsion/engine[0]"
 ROUNDING = 1e-12
 JSBSIM_DIGITS = 2e-4
 """Relative error of JSBSim's own factors, of which an inch of mercury has four digits."""
@@ -136,27 +137,87 @@ def test_shafts_of_a_turbine_whose_file_states_no_speeds_turn_as_jsbsim_takes_th
     assert (now[f"{at}/n1"], now[f"{at}/n2"]) == pytest.approx((n_1, n_2), rel=ROUNDING)
 
 
+def charged(*speeds, **stated):
+    """A piston engine whose supercharger has these speeds, each a boost (psi) and height (ft)."""
+    parts = {"numboostspeeds": len(speeds), **stated}
+    for k, (boost, height) in enumerate(speeds, 1):
+        parts |= {f"ratedboost{k}": boost, f"ratedpower{k}": 1000, f"ratedaltitude{k}": height}
+    text = "".join(f"<{tag}>{value}</{tag}>" for tag, value in parts.items())
+    return engine_of(f"<piston_engine>{text}</piston_engine>", "<propeller/>")
+
+
 @pytest.mark.parametrize(
-    ("takeoff", "lever", "boost"), [(0.0, 1.0, 2.0), (4.0, 0.9, 2.0), (4.0, 1.0, 4.0)]
+    ("rated", "takeoff", "lever", "boost"),
+    [
+        *((2, {"takeoffboost": 0}, 1.0, 2), (0.5, {}, 1.0, 0.5)),
+        *((2, {"takeoffboost": 4}, 0.9, 2), (2, {"takeoffboost": 4}, 1.0, 4)),
+    ],
 )
 def test_a_supercharger_is_held_at_its_boost_and_at_that_of_takeoff_by_a_lever_fully_open(
-    takeoff, lever, boost
+    rated, takeoff, lever, boost
 ):
     """Boosts are pressures (psi) above the standard one; at sea level it could give 8 psi."""
-    charged = engine_of(
-        "<piston_engine><numboostspeeds>1</numboostspeeds><ratedboost1>2</ratedboost1>"
-        "<ratedpower1>1000</ratedpower1><ratedrpm1>2600</ratedrpm1>"
-        f"<ratedaltitude1>9000</ratedaltitude1><takeoffboost>{takeoff}</takeoffboost>"
-        "</piston_engine>"
-    )
     now = state_of({"fcs/throttle-pos-norm": lever})
 
     manifold, lost = pistons._boosted(
-        now, charged, 101325.0, pistons._Air(101325.0, 101325.0, 2600.0, 40.0)
+        now,
+        charged((rated, 9000), **takeoff),
+        101325.0,
+        pistons._Air(101325.0, 101325.0, 2500.0, 40.0),
     )
 
     expected = 101325.0 + boost * POUND_PER_INCH_2
     assert (manifold, lost) == pytest.approx((expected, 0.0), rel=JSBSIM_DIGITS)
+
+
+@pytest.mark.parametrize(("asked", "speed"), [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (7.0, 2.0)])
+def test_a_speed_of_a_supercharger_chosen_by_hand_is_one_that_it_has(asked, speed):
+    engine = charged((3, 0), (3, 9000), (3, 20_000), boostmanual=1)
+    now = state_of({f"{AT}/boost-speed": asked})
+
+    found = pistons._supercharger_speed(now, engine, pistons.supercharger_of(engine), 3e4)
+
+    assert found == now[f"{AT}/boost-speed"] == speed
+
+
+# Pressures of the standard atmosphere at 9000 + 1000 ft and 20,000 + 1000 ft, Pa.
+AT_10, AT_21 = 69_682.0, 44_650.0
+
+
+@pytest.mark.parametrize(
+    ("ambient", "before", "speed"),
+    [
+        *((AT_10 - 700.0, 0.0, 0.0), (AT_10 - 1300.0, 0.0, 1.0), (AT_21 - 1300.0, 1.0, 2.0)),
+        *((AT_10 + 700.0, 1.0, 1.0), (AT_10 + 1300.0, 1.0, 0.0), (AT_21 + 1300.0, 2.0, 1.0)),
+        *((1000.0, 2.0, 2.0), (101_325.0, 0.0, 0.0), (AT_21 + 700.0, 2.0, 2.0)),
+    ],
+)
+def test_a_supercharger_changes_its_speed_a_thousand_feet_above_the_rated_height(
+    ambient, before, speed
+):
+    """It does so 1000 Pa beyond the pressure there, which JSBSim has from a polynomial."""
+    engine = charged((3, 9000), (3, 20_000), (3, 30_000))
+    now = state_of({f"{AT}/boost-speed": before})
+
+    assert (
+        pistons._supercharger_speed(now, engine, pistons.supercharger_of(engine), ambient) == speed
+    )
+    assert now[f"{AT}/boost-speed"] == speed
+
+
+def test_a_supercharger_takes_the_power_of_an_adiabatic_compression():
+    """``k/(k - 1) p V' ((p_2/p)^((k - 1)/k) - 1)`` of an ideal gas, with k as JSBSim has it."""
+    engine = charged((2, 9000), **{"boost-loss-factor": 0.5})
+    flow = {"_air-flow0": 0.08, f"{AT}/boostloss-factor": 0.5}  # m^3/s of the step before
+    now = state_of(flow | {"fcs/throttle-pos-norm": 0.7})
+
+    manifold, lost = pistons._boosted(now, engine, 6e4, pistons._Air(7e4, 7e4, 2500.0, 40.0))
+
+    k, ratio = 1.414, manifold / 6e4
+    watts = k / (k - 1.0) * 6e4 * 0.08 * (ratio ** ((k - 1.0) / k) - 1.0)
+    assert ratio > 1.3
+    assert lost == pytest.approx(0.5 * watts / HORSEPOWER, rel=JSBSIM_DIGITS)
+    assert now[f"{AT}/boostloss-hp"] == lost
 
 
 @pytest.mark.parametrize(("rpm", "fuel", "running"), [(1000.0, 0.001, 1.0), (200.0, 0.001, 0.0)])
