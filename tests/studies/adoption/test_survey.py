@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
@@ -251,20 +252,31 @@ class Engine(survey._Model):
         self.thrust, self.drag = thrust, drag
 
     def load(self, **changed):
-        full = changed["engines"].get("full", 1.0)
+        tables = self.tables | changed
+        full, rate = tables["engines"].get("full", 1.0), tables.get("inner_loop_rate_hz", 200.0)
         state, numbers = LEVEL, {"inertia/mass-slugs": FT / G, survey.EXTERNAL: 0.0}
+        numbers["propulsion/engine[0]/set-running"] = 1.0
 
         def accelerations(new):
             nonlocal state
             state = new
             numbers["forces/fwx-aero-lbs"] = self.drag(state.V_a)
 
+        def hold(_, still=0.0, rate=rate):
+            nonlocal steps
+            steps = rate
+
+        steps = rate
         fdm = SimpleNamespace(
-            thrusts=[lambda: self.thrust(full * state.throttle)], electric=False, rate=200.0,
-            reader=lambda name: lambda: numbers[name], start_engines=lambda: None,
-            hold=lambda *_, **__: None,
+            thrusts=[lambda: self.pushes(full * state.throttle, steps, tables)], electric=False,
+            rate=rate, reader=lambda name: lambda: numbers[name], start_engines=lambda: None,
+            hold=hold, shows=lambda _: False, files=None,
         )  # fmt: skip
         return SimpleNamespace(fdm=fdm, accelerations=accelerations)
+
+    def pushes(self, throttle, rate, tables):
+        """Thrust in steps of this rate, under the settings of the tables."""
+        return self.thrust(throttle)
 
 
 FLAT = survey.Lift(
@@ -308,3 +320,228 @@ def test_engines_that_do_not_drive_an_aeroplane_are_refused(thrust, V_a, words):
     model = Engine(thrust, lambda V: 0.1, V_a)
     with pytest.raises(survey.Refusal, match=words):
         model._driven(model.tables, FLAT)
+
+
+class LightPropeller(Engine):
+    """An engine that needs steps of `enough`, 1/s; in others it pushes as they let it."""
+
+    enough = 400.0
+
+    def pushes(self, throttle, rate, tables):
+        return (0.3 if rate >= self.enough else 3e4 / rate) * throttle
+
+
+@pytest.mark.parametrize(("enough", "rate"), [(300.0, 400.0), (700.0, 1000.0)])
+def test_a_propeller_that_diverges_flies_in_the_first_finer_steps_that_it_needs(enough, rate):
+    model = LightPropeller(None, lambda V: 0.1)
+    model.enough = enough
+
+    assert model._driven(model.tables, FLAT) == pytest.approx((32.0, 0.2))
+    assert model.tables["inner_loop_rate_hz"] == rate
+    assert "full" not in model.tables["engines"]
+
+
+def test_a_propeller_that_diverges_in_all_steps_is_refused():
+    model = LightPropeller(None, lambda V: 0.1)
+    model.enough = 1500.0
+
+    with pytest.raises(survey.Diverges, match="pushes with 150 times the weight"):
+        model._driven(model.tables, FLAT)
+
+
+def thrust_of(full, *, weight=10.0, rate=200.0, later=1.0, external=0.0, running=1.0):
+    """Keys of engines for these thrusts at full throttle, `later` times them in half the steps."""
+    numbers = {survey.EXTERNAL: external, "propulsion/engine[1]/n1": 30.0}
+    numbers |= {f"propulsion/engine[{i}]/set-running": running for i in range(2)}
+    held = []
+    fdm = SimpleNamespace(
+        reader=lambda name: lambda: numbers[name], rate=rate, shows=numbers.__contains__,
+        thrusts=[lambda x=x: later * x for x in full], hold=lambda *_, rate: held.append(rate),
+    )  # fmt: skip
+    full = np.array(full)
+    found = survey._thrust_of_another_kind(fdm, full, weight, lambda throttle: throttle * full)
+    assert held in ([], [2.0 * rate])
+    return found
+
+
+def test_thrust_is_that_of_engines_of_a_force_or_of_a_part_of_the_lever():
+    assert thrust_of([4.0, 5.0]) == thrust_of([4.0, 5.0], later=9.0) == {}
+    assert thrust_of([0.0], external=3.0) == {"thrust": survey.EXTERNAL}
+    # 160 over a weight of 10: a sixteenth pushes with the weight
+    assert thrust_of([80.0, 80.0]) == {"full": 1.0 / 16.0}
+    assert thrust_of([80.0, 81.0]) == {"full": 1.0 / 32.0}
+    assert thrust_of([50.0, 50.0]) == {}  # ten times the weight is not too strong
+    assert thrust_of([1e7, 1e7]) == {}  # no part of it is weak enough
+    # in finer steps every thrust is checked
+    assert thrust_of([4.0, 5.0], rate=400.0) == {}
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"full": [5.0, 0.0]}, "engine 2 of 2 does not push at full throttle: n1 30"),
+        ({"full": [5.0, -1.0], "running": 0.0}, "engine 2 of 2 does not run"),
+        ({"full": [0.0, 5.0], "external": 3.0}, "engine 1 of 2 does not push"),
+        ({"full": [4.0, 5.0], "rate": 400.0, "later": 1.1}, "it pushes with 0.9 times the weight"),
+        ({"full": [80.0, 80.0], "later": 0.9}, "16 times the weight, .* too small for 5 ms"),
+        ({"full": [80.0, 80.0], "later": math.nan}, "diverges"),
+    ],
+)
+def test_engines_that_push_like_no_aeroplanes_are_refused(asked, words):
+    with pytest.raises(survey.Refusal, match=words):
+        thrust_of(**asked)
+
+
+class Levered(Engine):
+    """An engine that pushes while `runs` holds of its tables, with properties that are 0."""
+
+    texts = {"/controls/engines/engine/throttle"}, {"/controls/flight/rudder", "fcs/rudder"}
+
+    def __init__(self, runs, *, thrust=0.3, declared=("/controls/magnetos",), values=()):
+        super().__init__(lambda throttle: thrust * throttle, lambda V: 0.1)
+        self.runs, self.values, self.lift = runs, dict(values), FLAT
+        settings = {"fcs/advance-cmd-norm[0]": 1.0, "fcs/mixture-cmd-norm[0]": 1.0}
+        declared = dict.fromkeys(declared, 0.0) | self.values
+        self.tables |= {"declared": declared, "settings": settings, "linked": {}}
+
+    def pushes(self, throttle, rate, tables):
+        return self.thrust(throttle) if self.runs(tables) else 0.0
+
+
+@pytest.fixture(autouse=True)
+def flat(monkeypatch):
+    """Sweeps of the lift of an engine, which has none, find `FLAT`."""
+    swept = survey._swept
+    monkeypatch.setattr(
+        survey, "_swept", lambda bench, V: swept(bench, V) if isinstance(bench, Wing) else FLAT
+    )
+
+
+LINKED = {
+    "/controls/engines/engine/throttle": "ft/throttle-norm",
+    "/controls/flight/rudder": "-fcs/rudder-cmd-norm",
+}
+
+
+@pytest.mark.parametrize(
+    ("runs", "how", "declared", "settings"),
+    [
+        (lambda tables: not tables["linked"], "", {"/controls/magnetos": 0.0}, {}),
+        (lambda tables: tables["declared"]["/controls/magnetos"] == 3.0,
+         "with FlightGear's levers linked and its switches on", {"/controls/magnetos": 3.0}, {}),
+        (lambda tables: tables["settings"]["fcs/advance-cmd-norm[0]"] == 0.5,
+         "with the propeller levers at a half", {"/controls/magnetos": 3.0},
+         {"fcs/advance-cmd-norm[0]": 0.5}),
+        (lambda tables: tables["settings"]["fcs/advance-cmd-norm[0]"] == 0.0,
+         "with the propeller levers at 0", {"/controls/magnetos": 3.0},
+         {"fcs/advance-cmd-norm[0]": 0.0}),
+    ],
+)  # fmt: skip
+def test_levers_are_moved_until_every_engine_pushes(runs, how, declared, settings):
+    model = Levered(runs)
+    before = dict(model.tables["settings"])
+
+    model.drive()
+
+    assert (model.speed, model.spare) == pytest.approx((32.0, 0.2))
+    assert model.notes == ([f"its engines drive it {how}"] if how else [])
+    assert model.tables["linked"] == (LINKED if how else {})
+    assert model.tables["declared"] == declared
+    assert model.tables["settings"] == before | settings
+
+
+def test_a_lever_that_is_set_stays_and_a_dead_engine_is_refused(monkeypatch):
+    monkeypatch.setattr(survey.model_files, "has_engine", lambda *_: False)
+    runs = Levered(lambda tables: tables["declared"]["/controls/magnetos"] == 1.0,
+                   values={"/controls/magnetos": 1.0})  # fmt: skip
+    dead = Levered(lambda tables: False)
+
+    runs.drive()
+
+    assert runs.tables["declared"] == {"/controls/magnetos": 1.0}
+    with pytest.raises(survey.Refusal, match="engine 1 of 1 does not push"):
+        dead.drive()
+
+
+def test_engines_that_are_too_weak_stay_off_and_a_rocket_glides(monkeypatch):
+    """At 1.6 times the stalling speed the drag of the glide is a tenth of the lift."""
+    monkeypatch.setattr(survey.model_files, "has_engine", lambda *_: True)
+    weak, rocket = Levered(lambda tables: True, thrust=0.05), Levered(lambda tables: False)
+
+    weak.drive()
+    rocket.drive()
+
+    for model, words in ((weak, "0.50 of its drag at any airspeed: its engines stay off"),
+                         (rocket, "a rocket has no thrust while its fuel is frozen")):  # fmt: skip
+        (note,) = model.notes
+        assert words in note
+        assert model.tables["engines"]["count"] == 0
+        assert (model.speed, model.spare) == pytest.approx((32.0, -FLAT.at(32.0)[1]))
+        assert model.tables["linked"] == {}
+
+
+def test_a_propeller_that_diverges_ends_the_search_for_levers():
+    model = Levered(lambda tables: True)
+    model.pushes = lambda throttle, rate, tables: 3e4 / rate * throttle
+
+    with pytest.raises(survey.Diverges):
+        model.drive()
+
+
+class Noted(Levered):
+    """Engines under their notes: keys of `[engines]`, what JSBSim shows, and propellers."""
+
+    def __init__(self, engines, shown=(), *propellers, rate=None):
+        super().__init__(None)
+        self.tables["engines"] = {"count": 1, **engines}
+        self.tables |= {"inner_loop_rate_hz": rate} if rate else {}
+        self.shown, self.roots, self.speed = dict(shown), [*map(fromstring, propellers)], 32.0
+
+    roots = ()
+
+    def load(self, **changed):
+        numbers = {"inertia/iyy-slugs_ft2": 4.0, "inertia/izz-slugs_ft2": 9.0, **self.shown}
+        fdm = SimpleNamespace(
+            shows=self.shown.__contains__, reader=lambda name: lambda: numbers[name], electric=False
+        )
+        return SimpleNamespace(fdm=fdm, accelerations=lambda _: None)
+
+
+PROPELLER = '<propeller><ixx> {} </ixx><diameter unit="IN"> 16 </diameter></propeller>'
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (({},), []),
+        (({"count": 0, "full": 0.125},), ["without an engine, about its steady glide"]),
+        (({}, {survey.FUEL: 0.0}), ["its tanks are empty"]),
+        (({}, {survey.FUEL: 1.0}), []),
+        (({"full": 0.125},), ["full throttle is 0.125 of its lever"]),
+        (({"thrust": survey.EXTERNAL},), ["an external force pushes it (forces/fbx-external-lbs)"]),
+        (({}, {}, "<propeller><diameter> 70 </diameter></propeller>"),
+         ["the diameter of its propeller has no unit: it is inches"]),
+        (({}, {}, "<engine><diameter> 70 </diameter></engine>"), []),
+        # 0.2 x 2400 rpm over the 6 slug ft^2 across: 8.38 rad/s
+        (({}, {survey.PROPELLER_RPM: -2400.0}, PROPELLER.format(0.2), PROPELLER.format(0.1)),
+         ["nutates at 8.38 rad/s: an inertia of 0.2 slug ft2 at -2.4e+03 rpm"]),
+        (({}, {survey.PROPELLER_RPM: 2200.0}, PROPELLER.format(0.2)), []),
+        (({}, {}, PROPELLER.format(9.0)), []),
+    ],
+)  # fmt: skip
+def test_what_is_unusual_in_engines_is_noted(asked, words):
+    model = Noted(*asked)
+
+    model.note_engines()
+
+    assert len(model.notes) == len(words)
+    assert all(x in note for x, note in zip(words, model.notes, strict=True))
+
+
+def test_all_that_is_unusual_in_engines_is_noted_at_once():
+    model = Noted({"full": 0.5, "thrust": survey.EXTERNAL}, {survey.FUEL: 0.0}, rate=400.0)
+
+    model.note_engines()
+
+    assert len(model.notes) == 4
+    assert model.notes[2].endswith("its inner loop runs at 400 Hz")
