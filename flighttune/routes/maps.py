@@ -253,7 +253,7 @@ class _Shapes:
         """An element begins."""
         kind = tag.rpartition("}")[2]
         if self._inside and self._inside[-1] in READ:  # its text ends here
-            self._put_text(self._inside[-1])
+            self._put_text(self._inside[-1], self._inside[-2:-1])
         if len(self._inside) > MAX_DEPTH:
             raise InputError("must not be nested so deeply.")
         if kind == "Placemark":
@@ -273,7 +273,8 @@ class _Shapes:
 
     def end(self, _: str) -> None:
         """An element ends."""
-        self._put_text(kind := self._inside.pop())
+        kind = self._inside.pop()
+        self._put_text(kind, self._inside[-1:])
         if self._shape and len(self._inside) < self._depth:
             rings, kind, self._shape = self._rings, self._shape, ""
             if kind == "Track":
@@ -283,14 +284,14 @@ class _Shapes:
             shape["geometry"]["altitudeMode"] = self._mode or "clampToGround"
             self.found.append(shape)
 
-    def _put_text(self, kind: str) -> None:
-        """The text of an element of `READ`, up to the first element in it."""
+    def _put_text(self, kind: str, above: list[str]) -> None:
+        """The text of an element of `READ`, up to the first element in it, and the tag above it."""
         if self._text is None:
             return
         text, self._text = "".join(self._text), None
-        if kind == "value" and self._inside[-1:] == [f"{ROUTE_KEY} Data"]:
+        if kind == "value" and above == [f"{ROUTE_KEY} Data"]:
             self.stated = self.stated or text
-        elif kind == "name" and self._inside[-1:] == ["Placemark"]:
+        elif kind == "name" and above == ["Placemark"]:
             self._name = self._name or " ".join(text.split())
         elif kind == "altitudeMode" and self._shape:
             self._mode = self._mode or text

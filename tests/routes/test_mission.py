@@ -15,7 +15,7 @@ import flighttune as ft
 from flighttune.routes import maps, mission
 from flighttune.routes.items import listed_places
 from flighttune.routes.mission import read_route
-from flighttune.routes.path import Stretch
+from flighttune.routes.path import Ability, Stretch, Waypoint, plan
 
 NO_PLACE = (0, 0, 0, 0)
 
@@ -911,3 +911,51 @@ def test_rings_of_an_area_say_which_are_holes():
     again = mission._polygon(ring, (47.0, 8.0))
     assert again.bounds == pytest.approx((0.0, 0.0, 90.0, 90.0), abs=0.01)
     assert mission._rings(shapely.Polygon(), False, (47.0, 8.0)) == []
+
+
+def test_circles_that_are_first_are_reached_from_above_home(read):
+    route = read(item(18, 1, 0, 100, 1, 47.41, 8.5, 80), *PATROL[3:])
+
+    assert route.names[:2] == ["home", "item 1"]
+    assert route.rows[0] == {"lat_deg": HOME[0], "lon_deg": HOME[1], "up_m": 0.0}
+    assert route.flight["h_m"] == HOME[2] + 80.0
+    assert "The route begins above home." in route.notes
+
+
+def test_rally_points_among_the_items_are_no_part_of_the_route(read_text):
+    rally = "4\t0\t3\t5100\t0\t0\t0\t0\t47.401\t8.51\t70\t1\n"
+
+    route = read_text(".waypoints", WAYPOINTS + rally)
+
+    assert route.names == read_text(".waypoints", WAYPOINTS).names
+    assert route.rally == [{"lat_deg": 47.401, "lon_deg": 8.51, "up_m": 20.0}]
+
+
+def test_the_text_of_an_element_of_kml_ends_where_another_begins():
+    text = KML.format("absolute").replace("47.42,560", "47.42,560<more/>8.5,47.43,570")
+    text = text.replace("<LineString>", "<name>Leg <b>not this</b> one</name><LineString>")
+
+    (line,) = maps.kml_features(text)
+
+    assert line["geometry"]["coordinates"] == [[8.5, 47.4, 548.0], [8.5, 47.42, 560.0]]
+    assert line["properties"] == {"name": "Leg"}
+
+
+@pytest.mark.slow
+def test_a_map_with_more_areas_than_vehicles_take_is_written_whole_with_a_word():
+    """22 triangles have 66 corners, 21 have 63."""
+    legs = [Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)]
+    path = plan(legs, Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), g=9.8))
+    where = path, (47.0, 8.0), 500.0
+    around = np.array([[0.0, 50.0], [30.0, 50.0], [0.0, 90.0], [0.0, 50.0]])
+    triangles = [
+        (maps.on_earth(around + np.array([north, 0.0]), where[1])[:, ::-1].tolist(), True)
+        for north in 35.0 * np.arange(22)
+    ]
+
+    areas, said = mission._fewer_vertices(maps.RouteMap(where, "many", areas=triangles))
+    few, nothing = mission._fewer_vertices(maps.RouteMap(where, "few", areas=triangles[:21]))
+
+    assert areas == triangles
+    assert said.startswith("has 66 vertices")
+    assert (few, nothing) == (triangles[:21], "")
