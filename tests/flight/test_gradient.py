@@ -237,3 +237,28 @@ def test_an_element_of_an_array_of_duals_keeps_its_slopes_and_a_part_shares_them
     assert (row.values.tolist(), row.slopes.tolist()) == ([3, 4, 9], [[3, 4, 7], [9, 10, 8]])
     assert array.slopes[:, 0, 1].tolist() == [0.0, 0.0]
     assert (len(array), len(row), row[2].x) == (2, 3, 9.0)
+
+
+@pytest.mark.slow
+def test_parameters_that_are_not_stated_are_nominal_and_what_has_no_effect_has_no_slope():
+    made = scenario(duration_s=2.0, **FED_BACK)
+    by = ["feedback.phi", *(f"plant.airframe.{x}" for x in ("mass_factor", "cg_aft_m"))]
+    by.append("limits.n_z_rate_per_s")  # which is not met
+    measures = ["chi.ITAE", "gamma.ITAE"]
+
+    found = ft.gradient(made, by=by, measures=measures)
+
+    fed = chosen_entry(made, None).gains.feedback[0]
+    rows = {(row["parameter"], row["measure"]): row for row in found.slopes}
+    values = {parameter: row["value"] for (parameter, _), row in rows.items()}
+    assert values == dict(zip(by, (fed, 1.0, 0.0, made.limits.n_z_rate_per_s), strict=True))
+    assert [(rows[by[-1], x]["slope"], rows[by[-1], x]["why"]) for x in measures] == [(0.0, "")] * 2
+    assert all(rows[name, x]["slope"] != 0.0 for name in by[:-1] for x in measures)
+    entry = chosen_entry(made, None)
+    near = 1e-4
+    ends = [
+        _value("chi.ITAE", _measured(changed, fly_alone(changed).signals))
+        for changed in (_with(entry, by[0], fed + side) for side in (-near, near))
+    ]
+    expected = (ends[1] - ends[0]) / (2.0 * near)
+    assert rows[by[0], "chi.ITAE"]["slope"] == pytest.approx(expected, rel=1e-3)

@@ -230,3 +230,44 @@ def test_without_an_envelope_or_on_a_model_behind_lags_there_is_no_claim_over_on
 
     trim, inside = models.trim_and_envelope(scenario(tuning={"model": "kinematic"}, **around))
     assert inside.contains(trim)
+
+
+W = np.array([0.3, 2.0, 11.0])  # rad/s
+
+
+def response(model):
+    """From the commands to the errors at `W`, shape (3, p, m)."""
+    n = len(model.states)
+    inside = [np.linalg.solve(1j * w * np.eye(n) - model.A, model.B) for w in W]
+    return np.array([model.C @ x for x in inside])
+
+
+def test_a_model_behind_assumed_lags_and_half_a_sample_has_their_phase():
+    tuning = {"model": "kinematic", "roll_rate": False, "lift_rate": False}
+    plain, lagged, held = (
+        models.linear_model(scenario(tuning=tuning | more))
+        for more in ({}, {"lag_rad_s": [5.0, 8.0]}, {"sample_delay": True})
+    )
+
+    of_lags = 1.0 / (1.0 + 1j * W[:, None] / np.array([5.0, 8.0]))
+    assert response(lagged) == pytest.approx(response(plain) * of_lags[:, None, :])
+    late = np.exp(-1j * W * HALF_A_SAMPLE)[:, None, None]
+    assert response(held) == pytest.approx(response(plain) * late, rel=1e-3)
+
+
+def test_the_sampled_loop_has_the_lags_of_its_model():
+    tuning = {"model": "kinematic", "roll_rate": False, "lift_rate": False}
+    made, same, none = (
+        scenario(tuning=tuning | more)
+        for more in ({"lag_rad_s": [5.0, 8.0]}, {"lag_rad_s": [4.0, 4.0]}, {})
+    )
+
+    found = models.sampling(made, made.laws[0])
+    assert [(x.order, x.natural_frequency) for x in found.lags] == [(1, 5.0), (1, 8.0)]
+    assert [x.natural_frequency for x in models.sampling(same, same.laws[0]).lags] == [4.0, 4.0]
+    assert models.sampling(none, none.laws[0]).lags == ()
+    assert found.dt == 0.02
+    assert found.model.names == models.law_model(made).names
+    behind = models.sampling(scenario(), made.laws[0])
+    condition = ft.loop.load_identified("aerosonde").nearest(V, math.radians(6.0))
+    assert [x.whole for x in behind.lags] == pytest.approx([x.whole for x in condition.lags])

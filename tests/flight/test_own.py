@@ -62,6 +62,10 @@ def scenario():
     )
 
 
+def soaked(*cases):
+    return [pytest.param(*case, marks=pytest.mark.soak) for case in cases]
+
+
 def mine(_):
     return Proportional()
 
@@ -257,21 +261,24 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     assert around == pytest.approx(alone, abs=1e-5)
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("signals = {}", "signals = {'t': 's'}", "`signals` must have names .*'t'"),
-        ("pass", "self.limiter = 5", "`limiter` must be a CommandLimiter, got 5"),
-        ("return ", "return iter(float, 1.0) #", "2 numbers .* got more"),
-        ("return ", "os._exit(0) #", "after t = 0.00 s: .* exit status 0"),
-        ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
+        *soaked(
+            ("signals = {}", "signals = {'t': 's'}", "`signals` must have names .*'t'"),
+            ("pass", "self.limiter = 5", "`limiter` must be a CommandLimiter, got 5"),
+            ("return ", "return iter(float, 1.0) #", "2 numbers .* got more"),
+            ("return ", "os._exit(0) #", "after t = 0.00 s: .* exit status 0"),
+            ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
+        ),
+        ("return ", "t < 1.2 or os._exit(3); return ", "law mine after t = 1.00 s: .* status 3"),
         ("pass", "os._exit(0)", "exit status 0"),
-        pytest.param(
-            "return ",
-            "while t > 0.9: pass\n        return ",
-            "after t = 0.00 s: .* no progress for 3 s",
-            marks=pytest.mark.slow,
+        *soaked(
+            (
+                "return ",
+                "while t > 0.9: pass\n        return ",
+                "after t = 0.00 s: .* no progress for 3 s",
+            )
         ),
     ],
 )

@@ -383,3 +383,22 @@ def test_an_airspeed_that_does_not_change_needs_no_table():
     fast = straight_route(airspeeds=np.full(len(path.s), 30.0))
     assert fast.start_speed == pytest.approx(30.0 * math.cos(math.atan(0.05)))
     assert fast.initial == pytest.approx((math.pi / 4.0, math.atan(0.05)))
+
+
+def test_beyond_the_last_point_of_a_path_its_last_metres_go_on():
+    reference = ft.route(scenario([{"kind": "point_mass"}])).reference
+    path, beyond = reference.path, 400.0
+    last = STEP * (len(path.s) - 1)
+
+    s, north, east, course, *_, curvature, up, slope = follow.path_at(reference.rows, last + beyond)
+
+    assert s == last + beyond
+    assert course == pytest.approx(path.course[-1])
+    assert north == pytest.approx(path.north[-1] + beyond * math.cos(course))
+    assert east == pytest.approx(path.east[-1] + beyond * math.sin(course))
+    assert (curvature, up, slope) == pytest.approx((0.0, path.up[-1], 0.0), abs=1e-9)
+    columns = [
+        follow.column_at(reference.rows, column, last + beyond)
+        for column in range(len(follow.COLUMNS))
+    ]
+    assert columns == pytest.approx([north, east, course, curvature, up, slope])

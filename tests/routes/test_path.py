@@ -493,3 +493,19 @@ def test_the_distance_of_a_way_from_its_line_is_that_of_its_farthest_point():
     assert turns.farthest(ahead, start, turns.Pose(*start.beside(50.0, 0.0), 0.4)) == pytest.approx(
         30.0, rel=1e-6
     )
+
+
+@pytest.mark.parametrize("turns", [0.02, -0.02])
+def test_circles_without_room_for_their_rolls_say_how_many_turns_they_must_have(turns):
+    """A roll-in and a roll-out take the course half as far as a circle does over their length."""
+
+    def route(turns):
+        onward = 1500 + 3000 * math.cos(0.05), math.copysign(3000 * math.sin(0.05), turns)
+        circle = Waypoint(north=1500, east=0, turns=turns, name="the circle")
+        return [Waypoint(north=0, east=0), circle, Waypoint(north=onward[0], east=onward[1])]
+
+    whole = plan(route(math.copysign(1.1, turns)), ABILITY).stretches[1].turn
+    least = 1.0 + (ROLLING / RADIUS - abs(whole) % math.tau) / math.tau
+
+    with pytest.raises(ft.InputError, match=rf"`turns` of the circle .* {least:.2f}, got {turns}"):
+        plan(route(turns), ABILITY)

@@ -352,7 +352,6 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("to_the_right", [*slow(False), True])
-@pytest.mark.soak
 def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, to_the_right):
     """East or west on a plane that rises to the north: an edge of its lower side."""
     legs = [waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)]

@@ -10,6 +10,7 @@ from lxml import etree
 from plans import plan_file, waypoint
 
 import flighttune as ft
+from flighttune.routes import volumes as volumes_of
 from flighttune.routes.fence import fence_tables, read_fence
 from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume, VolumesMap
 
@@ -118,3 +119,10 @@ def test_one_area_of_the_name_of_a_volume_is_a_fence_as_it_is(written, tmp_path)
     file.write_text(json.dumps({**tables, "features": [other]}))
 
     assert fence_tables([file])["features"] == [other]
+
+
+def test_volumes_are_known_from_other_maps_by_their_heights_over_ground(written, tmp_path):
+    other = tmp_path / "other.geojson"
+    other.write_text(json.dumps({"type": "FeatureCollection", "features": []}))
+
+    assert [volumes_of.are_in(file) for file in (*written.values(), other)] == [True, True, False]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up import scenario_tables
 from scipy.integrate import quad
 
 import flighttune as ft
@@ -144,3 +145,19 @@ def test_a_disturbance_with_switching_times_is_constant_between_them():
     assert {gamma for _, gamma in d} == {-0.2}
     assert switched.rate_bound == math.inf
     assert Sinusoid(chi_amplitude=0.1, chi_switches=()).rate_bound == 0.0
+
+
+def test_an_airspeed_may_go_up_and_down_and_back():
+    tables = scenario_tables(
+        reference={"V_mps": [
+            {"shape": "doublet", "start_s": 2.0, "width_s": 3.0, "amplitude_mps": 1.5},
+            {"shape": "ramp", "start_s": 10.0, "duration_s": 4.0, "rate_mps2": -0.5},
+        ]},
+        limits={"n_x": [-0.3, 0.3]}, plant=[{"kind": "point_mass"}], gains=["tuned"],
+    )  # fmt: skip
+    reference = ft.scenario_from(tables).stated_reference
+
+    V, V_dot = reference.airspeed(np.array([0.0, 2.0, 4.9, 5.0, 7.9, 8.0, 12.0, 20.0]))
+
+    assert V == pytest.approx([25.0, 26.5, 26.5, 23.5, 23.5, 25.0, 24.0, 23.0])
+    assert V_dot == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0])

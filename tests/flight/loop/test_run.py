@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pandas as pd
 import pytest
+from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.flight.loop import run as runs
@@ -116,3 +117,23 @@ def test_a_claim_about_a_run_is_said_in_words():
     (found,) = runs.claims_around([claim()], "V")
     assert found[1].tolist() == [[0, 2, 2], [0, 4, 6]]
     assert [*runs.claims_around([claim()], "phi")] == []
+
+
+def test_a_run_is_shown_by_its_label_its_end_and_its_samples(run):
+    assert repr(run) == f"Run kinematic / paper: completed, {len(run.t)} samples"
+    assert "kinematic / paper" in run._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("gains", "name", "scenario", "kind"),
+    [
+        (ft.PAPER_GAINS, "paper", {}, "paper"),
+        (ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0), "paper", {}, "exact"),
+        (ft.PAPER_GAINS, "mine:paper", {"law": [{"name": "mine", "kind": "exact"}]}, "paper"),
+        (None, "mine:paper", {}, "python"),
+    ],
+)
+def test_the_law_of_a_run_is_the_one_of_its_gains(gains, name, scenario, kind):
+    made = made_up_run({"chi": [0.0]}, [0.0], gains=gains, gains_name=name, scenario=scenario)
+
+    assert made.provenance.law.kind == kind

@@ -5,10 +5,11 @@ import pickle
 
 import numpy as np
 import pytest
-from made_up import made_up_scenario
+from made_up import made_up_scenario, scenario_file, scenario_tables
 
 import flighttune as ft
 from flighttune.flight.conditions import start_condition
+from flighttune.flight.scenario.load import as_recorded
 
 ROUNDING = 1e-12
 
@@ -141,3 +142,36 @@ def test_a_flight_starts_as_it_is_stated_in_rad_and_si(start):
     assert (condition.V_a, condition.h, condition.n_z) == (23.0, 700.0, 1.3)
     angles = condition.chi, condition.gamma, condition.phi
     assert angles == pytest.approx(np.radians([-50.0, 8.0, -20.0]))
+
+
+def test_tables_of_a_recording_start_on_their_heading_unless_they_say_otherwise():
+    """As releases have flown that did not have the key."""
+    old = {"title": "x", "flight": {"V_a_mps": 25.0}}
+
+    assert as_recorded(old) == {"title": "x", "flight": {"start": "heading", "V_a_mps": 25.0}}
+    new = {"flight": {"start": "course"}}
+    assert as_recorded(new) == new
+    for other in ("no table", {"flight": 3}, {}):
+        assert as_recorded(other) is other
+
+
+def test_a_list_that_is_none_is_refused_with_the_file(tmp_path):
+    file = scenario_file(tmp_path / "own.toml", made_up_scenario(), gains="paper")
+
+    with pytest.raises(ft.ScenarioError, match=r"own\.toml: `gains` must be"):
+        ft.load_scenario(file)
+
+
+def test_a_scenario_names_each_file_of_its_code_once():
+    own = {"kind": "python", "module": "mine.py", "class": "Mine"}
+    tables = scenario_tables(
+        law=[{"name": "first", **own}, {"name": "second", **own}],
+        plant=[{"name": "glider", **own, "module": "glider.py"}],
+    )
+
+    scenario = ft.Scenario(**tables)
+
+    assert scenario.code == ("mine.py", "glider.py")
+    assert [key for key, _ in scenario.of_files()] == ["law", "law", "plant"]
+    assert [table.name for _, table in scenario.of_files(["second"])] == ["second"]
+    assert made_up_scenario().code == ()
