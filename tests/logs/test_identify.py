@@ -8,7 +8,7 @@ import pytest
 from commands import answer, flighttune
 from log_files import LOAD, ROLL, sampled, write_csv, write_tlog, write_ulog
 from made_up import made_up_run
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 import flighttune as ft
 from flighttune.logs import identify
@@ -399,6 +399,56 @@ def test_limits_are_the_range_of_commands_and_the_fastest_response():
 )
 def test_a_channel_that_logs_do_not_show_has_its_reason(log, says):
     assert says in identify._channel([log], "phi")
+
+
+NOISE = 0.002  # rad
+
+
+def behind_a_lag(seed, *denominator, delay=0.2):
+    """Eight stretches of a log at 10 Hz whose commands change every 2 s, and roll behind a lag."""
+    rng, fine = np.random.default_rng(seed), 0.01 * np.arange(4300)
+    command = np.interp(fine, 2.0 * np.arange(22), 0.35 * rng.uniform(-1.0, 1.0, 22))
+    late = np.interp(fine - delay, fine, command) - command[0]
+    _, phi, _ = lsim(([denominator[-1]], denominator), late, fine)
+    phi = (phi + command[0])[::10] + NOISE * rng.standard_normal(430)
+    return made_up_run(
+        {"phi": phi, "phi_cmd": command[::10], "V_a": np.full(430, 20.0)}, fine[::10]
+    )
+
+
+@pytest.mark.slow
+def test_a_lag_of_second_order_is_found_in_two_logs_each_scored_by_the_other(monkeypatch):
+    monkeypatch.setattr(fit, "TIME_STARTS", [(1.0, 0.01, 0.0, 0.0)])  # other starts end there too
+    logs = [behind_a_lag(seed, 1.0, 2.0 * 0.4 * 4.0, 4.0**2) for seed in (1, 2)]
+
+    found = identify._channel(logs, "phi")
+
+    assert (found.lag.order, found.reason, found.stretches) == (2, "", 16)
+    assert [found.lag.natural_frequency, found.lag.damping] == pytest.approx([4.0, 0.4], rel=0.01)
+    for (low, high), true, width in ((found.frequency, 4.0, 0.1), (found.delay, 0.2, 0.03)):
+        assert low < true < high < low + width
+    # what is left of the variance of a log is that of the noise
+    variance = [np.var(section.measured[30:]) for section in found.sections]
+    left = [100.0 * (1.0 - NOISE**2 / part) for part in variance]
+    assert found.by_log == pytest.approx(left, abs=0.01)
+    assert min(left) < found.fit_percent < max(left)
+    assert [section.run for section in found.sections] == [0, 1]
+
+
+@pytest.mark.slow
+def test_a_lag_of_first_order_is_found_in_one_log_and_none_where_roll_rests(monkeypatch):
+    monkeypatch.setattr(fit, "TIME_STARTS", [(1.0, 0.01, 0.0, 0.0)])
+    log = behind_a_lag(3, 1.0, 4.0)
+    still = made_up_run(log.signals.assign(phi=0.1).to_dict("list"), log.t)
+
+    found = identify._channel([log], "phi")
+
+    assert (found.lag.order, found.reason, found.stretches) == (1, "", 8)
+    assert found.frequency[0] < 4.0 < found.frequency[1] < 1.1 * found.frequency[0]
+    assert found.delay[0] < 0.2 < found.delay[1]
+    assert found.fit_percent > 99.9
+    assert found.by_log == ()
+    assert identify._channel([still], "phi") == "roll rests while its commands change"
 
 
 @pytest.fixture
