@@ -1,5 +1,6 @@
 """A user's present guidance compared with the gains of a scenario, on the same draws."""
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -72,6 +73,9 @@ LOGGED = {
     "height_err": ("height", "m", 1.0),
     "phi_cmd": ("commanded roll", "deg", DEG_PER_RAD),
 }
+
+# Relative difference that counts as none: a log has parameters with single precision.
+SINGLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -380,8 +384,10 @@ def logged_signals(
         raise InputError(f"{log}: must have one of the signals {', '.join(LOGGED)}, got none.")
     differ: list[str] = []
     with suppress(InputError):
-        flown = flown_now(place, version).law.parameters
-        differ = [x for x in flown if flown[x] != now.law.parameters.get(x, flown[x])]
+        flown, yours = flown_now(place, version).law.parameters, now.law.parameters
+        differ = [
+            x for x in flown if not math.isclose(flown[x], yours.get(x, flown[x]), rel_tol=SINGLE)
+        ]
     return kept, [f"The log was flown with other parameters: {', '.join(differ)}."] * bool(differ)
 
 

@@ -3,6 +3,7 @@
 import math
 import re
 import signal
+import struct
 import subprocess
 import sys
 
@@ -10,8 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import flighttune
+from flown_campaigns import flown_here
 from log_files import sampled, write_dataflash
-from made_up import made_up_run
+from made_up import made_up_run, scenario_tables
 from scipy.stats import binomtest
 
 import flighttune as ft
@@ -20,7 +22,7 @@ from flighttune.claims import counting
 from flighttune.logs.parameters import flown_now
 from flighttune.studies import beside
 
-CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
+CORNERS = (0.0, 0.0), (100.0, 0.0), (150.0, 50.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
@@ -37,7 +39,8 @@ def file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def comparison(file):
-    return ft.compare("circuit_in_wind", autopilot=file, **FEW)
+    with flown_here():
+        return ft.compare("circuit_in_wind", autopilot=file, **FEW)
 
 
 # Killed by itself once so many flights are there.
@@ -88,7 +91,7 @@ def test_a_stopped_comparison_names_the_file_with_which_it_goes_on(file, tmp_pat
     assert 1 <= len(kept.read_text().splitlines()) < 2 * FEW["flights"]
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_both_fly_the_same_draws_and_the_answer_has_both(comparison, file):
     keys = [*comparison.plan.keys, "seed", "draw"]
     yours, ours = (
@@ -112,7 +115,7 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(comparison, file):
     assert said in answer.summary[2]
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_ours_are_the_flights_that_a_campaign_has(comparison):
     standard = {"navigation": {"grade": "standard"}}
     alone = ft.flights("circuit_in_wind", changes=SHORT | standard).plan()
@@ -130,7 +133,7 @@ def test_ours_are_the_flights_that_a_campaign_has(comparison):
         assert row[f"flight.{name}"] == pytest.approx(flown[name], rel=1e-9)
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_margins_are_those_of_a_frequency_response(comparison):
     # L = G (a s + b) / s^2 with the identified roll behind half a sample
     (lag, _), omega = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags, 2.0 * math.pi
@@ -246,7 +249,7 @@ def test_a_signal_is_kept_below_what_it_exceeds_in_a_twentieth_of_the_time():
 
 
 @pytest.mark.soak
-def test_a_log_lies_among_the_flights_or_not(comparison, file, tmp_path):
+def test_a_log_lies_among_the_flights_or_not(file, tmp_path):
     tables = ft.load_scenario("circuit", changes=SHORT).as_dict()
     law = {"name": "l1", "kind": "autopilot", "parameters": {"NAVL1_PERIOD": 14.0}}
     flown = ft.fly(ft.scenario_from(tables | {"law": [law], "gains": ["paper"], "expect": []}))
@@ -310,6 +313,24 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     assert "--workers 1" in shown
 
 
+@pytest.mark.slow
+def test_a_scenario_without_draws_is_flown_once_by_both(file):
+    with flown_here():
+        alone = ft.compare("level_turn@paper", autopilot=file, workers=1, seed=7)
+
+    assert [*alone.rows["gains"]] == ["yours", "ours"]
+    assert alone.plan.groups[-1].gains == "paper"
+    assert alone.plan.campaign.seed == 7
+
+
+def test_without_an_identified_aircraft_there_are_no_margins(file):
+    stated = ft.flights(ft.scenario_from(scenario_tables()))
+    now = flown_now(file, None)
+    plan = beside._with_guidance(counting.drawn(stated, gains="paper"), now)
+
+    assert beside.Beside(now=now, plan=plan, rows=pd.DataFrame(), tracking=[]).margins == {}
+
+
 SPEEDS = """QGC WPL 110
 0\t1\t0\t16\t0\t0\t0\t0\t47.395\t8.55\t430\t1
 1\t0\t3\t22\t15\t0\t0\t0\t47.3952\t8.5501\t60\t1
@@ -318,6 +339,61 @@ SPEEDS = """QGC WPL 110
 4\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.56\t60\t1
 5\t0\t0\t177\t2\t-1\t0\t0\t0\t0\t0\t1
 """
+
+
+@pytest.mark.slow
+def test_changes_of_airspeed_are_refused_with_the_key_that_leaves_them_out(tmp_path):
+    mission = tmp_path / "speeds.waypoints"
+    mission.write_text("\n".join(x for x in SPEEDS.splitlines() if "\t177\t" not in x))
+    route, ramp = ft.flights(mission).plan().scenario, ft.load_scenario("speed_change_in_turn")
+
+    for place, scenario, cure in (
+        (str(mission), route, r"`--set flight\.V_a_mps=25` flies .* by item 3"),
+        ("speeds.toml", route, r"`--set route\.holds_airspeed=false` flies"),
+        ("speeds.toml", ramp, r"25 to 30 m/s: leave `V_mps` of \[reference\] out"),
+    ):
+        with pytest.raises(ft.InputError, match=f"must be flown at one airspeed.* {cure}"):
+            beside.check_one_airspeed(place, scenario)
+    beside.check_one_airspeed("level_turn", ft.load_scenario("level_turn"))
+
+
+def straight_log(path, parameters, **ends):
+    """A log of half a minute straight on with parameters, and signals from 0 to these ends."""
+    t = np.linspace(0.0, 30.0, 601)
+    still = dict.fromkeys(("phi", "gamma", "chi", "phi_cmd", "east", "down"), 0.0 * t)
+    level = {
+        "V_a": 25.0 + 0.0 * t,
+        "north": 25.0 * t,
+        "n_z": 1.0 + 0.0 * t,
+        "n_z_cmd": 1.0 + 0.0 * t,
+    }
+    write_dataflash(path, t, still | level | {name: x * t / t[-1] for name, x in ends.items()})
+    with path.open("ab") as log:
+        log.write(
+            b"\xa3\x95"
+            + struct.pack("<BBB4s16s64s", 128, 200, 31, b"PARM", b"QNf", b"TimeUS,Name,Value")
+        )
+        for name, value in parameters.items():
+            log.write(b"\xa3\x95" + struct.pack("<BQ16sf", 200, 10**6, name.encode(), value))
+    return str(path)
+
+
+def test_signals_of_a_log_are_kept_with_the_parameters_that_differ_from_those_flown_now(
+    file, tmp_path
+):
+    now = flown_now(file, None)
+    ends = {"cross_track": 4.0, "height_err": -2.0, "phi_cmd": np.radians(20.0)}
+    same = {"NAVL1_PERIOD": 14.0, "NAVL1_DAMPING": 0.8, "ROLL_LIMIT_DEG": 45.0}
+
+    logs = (
+        straight_log(tmp_path / f"{period}.bin", same | {"NAVL1_PERIOD": period}, **ends)
+        for period in (14.0, 20.0)
+    )
+    (signals, nothing), (_, said) = (beside.logged_signals(x, (), now, None) for x in logs)
+
+    assert signals == pytest.approx([0.95 * 4.0, 0.95 * 2.0, 0.95 * 20.0], rel=0.01)
+    assert nothing == []
+    assert said == ["The log was flown with other parameters: NAVL1_PERIOD."]
 
 
 @pytest.mark.soak
