@@ -9,6 +9,7 @@ from made_up import made_up_run
 import flighttune as ft
 from flighttune.campaigns.planning.knowing import knowing
 from flighttune.claims.counted_flights import plan_of
+from flighttune.gaps import tracking as module
 from flighttune.gaps.tracking import straight, tracked, tracking
 
 DT = 0.1
@@ -69,6 +70,64 @@ def test_flights_of_a_standard_receiver_see_less_than_their_true_error():
     for of in ("cross track", "height"):
         ordered = [rows[of, grade].high_m for grade in ("rtk", "standard", "poor")]
         assert ordered == sorted(ordered)
+
+
+@pytest.fixture
+def flown(monkeypatch):
+    """Legs that were flown, in whose place errors grow evenly from 0, by the seed of the leg.
+
+    Those of the height are twice as large, and true ones ten times as large as they are seen.
+    """
+    legs = []
+
+    def fly(leg):
+        legs.append(leg)
+        t, seed = np.arange(0.0, 240.0, DT), leg.seed
+        size = (1.0 + (seed * 3) % 8) * (t - 10.0) / 230.0
+        columns = {"cross_track": -10.0 * size, "height_err": 20.0 * size}
+        columns |= {"cross_track_seen": size, "height_err_seen": -2.0 * size}
+        columns = {name: np.where(t < 10.0, 99.0, x) for name, x in columns.items()}
+        return made_up_run(columns, t)
+
+    monkeypatch.setattr(module, "chosen_entry", lambda leg, _: leg)
+    monkeypatch.setattr(module, "fly_alone", fly)
+    return legs
+
+
+def test_errors_of_a_log_stand_beside_those_of_eight_straight_flights_by_each_grade(flown):
+    rows = tracking(track(cross_track=3.0, height_err=0.5), "aerosonde", 25.0, 700.0)
+
+    assert [row[:3] for row in rows] == [
+        (of, size, grade)
+        for of, size in (("cross track", 3.0), ("height", 0.5))
+        for grade in ("rtk", "standard", "poor")
+    ]
+    # 95 % of an error that grows evenly are below 0.95 of its last value, here from 1 to 8 m
+    for row in rows:
+        factor = 1.0 if row.of == "cross track" else 2.0
+        sizes = np.array([1.0, 8.0, 80.0]) * 0.95 * factor
+        assert row[3:] == pytest.approx(sizes, rel=1e-3)
+    assert [(leg.navigation.grade, leg.seed) for leg in flown] == [
+        (grade, seed) for grade in ("rtk", "standard", "poor") for seed in range(8)
+    ]
+    leg = flown[0]
+    assert (leg.flight.V_a_mps, leg.flight.h_m, leg.flight.duration_s) == (25.0, 700.0, 240.0)
+    start, end = leg.route.waypoint
+    assert (start.north_m, start.east_m, end.north_m, end.east_m) == (0.0, 0.0, 3000.0, 0.0)
+    assert leg.controller.feed_forward
+    assert leg.turbulence.intensity == "light"
+    assert leg.as_dict()["plant"][0]["aircraft"] == leg.as_dict()["tuning"]["identified"]
+    alone = tracking(track(height_err=0.5), "aerosonde", 25.0, 700.0)
+    assert [row.of for row in alone] == ["height"] * 3
+
+
+def test_a_straight_flight_that_ends_early_is_no_comparison(monkeypatch):
+    monkeypatch.setattr(module, "chosen_entry", lambda leg, _: leg)
+    ended = made_up_run({"cross_track": np.zeros(300)}, status="crashed", reason="It fell.")
+    monkeypatch.setattr(module, "fly_alone", lambda _: ended)
+
+    with pytest.raises(ft.InputError, match=r"a straight leg by rtk: .*It fell"):
+        tracking(track(cross_track=3.0), "aerosonde", 25.0, 700.0)
 
 
 def test_a_log_without_a_track_flies_nothing():
