@@ -249,7 +249,7 @@ class _Flights:
         kept, reason = [], ""
         for k in range(len(self.t)):
             try:
-                self._maker(self.nominal).start(self._start(k))
+                self._maker(_in_air(self.nominal)).start(self._start(k))
                 kept.append(k)
             except FlightTuneError as error:
                 reason = str(error)
@@ -281,7 +281,7 @@ class _Flights:
 
     def slopes(self, factors: Mapping[str, float]) -> FloatArray:
         """Slopes of the difference in each scaled factor, shape (samples, factors)."""
-        air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
+        air = _in_air(factors)
 
         def near(place: Mapping[str, float]) -> bool:
             return all(abs(x - place[name]) <= NEAR * FACTORS[name].size for name, x in air.items())
@@ -301,7 +301,7 @@ class _Flights:
         """Signals of the aircraft, or of another plant, under the commands of every stretch."""
         # Flights are in still air, over a flat Earth at rest: a steady wind only turns their start
         # and shifts them.
-        air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
+        air = _in_air(factors)
         key = maker, *air.values()
         if key not in self._in_air:
             flown = [self._flown((maker or self._maker)(air), k, air) for k in range(len(self.t))]
@@ -341,6 +341,11 @@ class _Flights:
                 if plant.advance(phi_cmd, n_z_cmd, step) is not None:
                     break
         return dict(zip(plant.signals, rows.T, strict=True))
+
+
+def _in_air(factors: Mapping[str, float]) -> dict[str, float]:
+    """The factors that need flights of their own, nominal where they are not given."""
+    return {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
 
 
 def _named(config: AircraftConfig, names: Sequence[str]) -> str:

@@ -1,10 +1,12 @@
 """A log of our own flight with a known change against the aircraft without it."""
 
 import math
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
+from airframes import changed_aerosonde
 from commands import answer, flighttune
 from log_files import heavy_cessna, sampled, write_csv
 from made_up import made_up_run
@@ -15,6 +17,7 @@ import flighttune as ft
 from flighttune.gaps import of_log
 from flighttune.logs.identify import interval_of
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.plants.point_mass import PointMassPlant
 
 G = 9.80665
 
@@ -345,8 +348,8 @@ def test_a_factor_is_at_an_end_within_a_fiftieth_of_its_range(name, value, at_en
     assert of_log.FACTORS[name].at_end(value) == at_end
 
 
-def flights_of(log):
-    return of_log._Flights(log, load_aircraft("aerosonde").folder / "identified.json", None)
+def flights_of(log, progress=None):
+    return of_log._Flights(log, load_aircraft("aerosonde").folder / "identified.json", progress)
 
 
 def test_an_identified_model_has_neither_mass_nor_damping_and_a_log_says_what_it_lacks():
@@ -384,7 +387,8 @@ def test_a_stretch_starts_as_the_log_with_the_climb_of_its_air():
 
 def test_slopes_of_a_fit_are_those_of_the_difference():
     """They are forward differences over a fifth of the size of each factor."""
-    flights = flights_of(made_up_log())
+    told = []
+    flights = flights_of(made_up_log(), lambda *done: told.append(done))
     flights.t = flights.t[:1, :280]  # 0.6 s of one stretch after the wait
     flights.logged = {name: values[:1, :280] for name, values in flights.logged.items()}
     at = {"phi_late": 0.1, "n_z_late": 0.0, "wind_north": 2.0, "wind_east": -3.0}
@@ -408,3 +412,59 @@ def test_slopes_of_a_fit_are_those_of_the_difference():
     down = flights.difference(flights.fly(high | {"wind_north": 48.5})).ravel()
     there = flights.difference(flights.fly(high)).ravel()
     assert flights.slopes(high)[:, 2] == pytest.approx((down - there) / -0.2, abs=1e-9)
+    # each flight brings the end nearer
+    names, shares = zip(*told, strict=True)
+    assert {*names} == {"identified"}
+    assert 0.0 < shares[0] < shares[-1] < 1.0
+    assert sorted(shares) == [*shares]
+
+
+def test_stretches_that_an_aircraft_cannot_start_are_left_out():
+    """The second of four, at 40 m/s."""
+    flights = flights_of(made_up_log(75.0))
+    flights.logged["V_a"][1] = 40.0
+
+    class Slow(PointMassPlant):
+        def start(self, condition):
+            if condition.V_a > 30.0:
+                raise ft.loop.PlantError("Too fast.")
+            super().start(condition)
+
+    flights._maker = lambda _: Slow()
+    flights._keep_flyable()
+
+    assert flights.t[:, 0] == pytest.approx([0.0, 34.1, 51.15])
+    assert (flights.logged["V_a"] == 22.0).all()
+    assert flights.notes[-1] == "1 of 4 stretches are left out: Too fast."
+    flights.logged["V_a"][1] = 40.0
+    with pytest.raises(ft.InputError, match=r"must fly 3 stretches .* got 2: Too fast"):
+        flights._keep_flyable()
+
+
+def test_a_track_without_an_aircraft_to_fly_it_is_not_compared():
+    straight = {"chi": 0.001 * np.arange(1201.0), "cross_track": np.full(1201, 1.5)}
+    flights = flights_of(made_up_log(**straight))
+
+    assert flights.tracking("nothing") == ()  # an identified model flies no route
+    notes = len(flights.notes)
+    flights._file = False
+    assert flights.tracking("nothing") == ()
+
+    assert len(flights.notes) == notes + 1
+    assert flights.notes[-1].startswith("No straight flights to compare the log's track with: ")
+    assert "nothing" in flights.notes[-1]
+
+
+@pytest.mark.slow
+def test_damping_is_fitted_where_a_model_names_it(tmp_path):
+    named = of_log._Flights(made_up_log(), "aerosonde", None)
+    other = changed_aerosonde(
+        tmp_path / "other", lambda text: re.sub("C([lm])_?([pq])", r"X\1\2", text)
+    )
+    without = of_log._Flights(made_up_log(), other, None)
+
+    assert [*named.nominal] == [*of_log.FACTORS]
+    assert [*without.nominal] == [name for name in of_log.FACTORS if name != "damping"]
+    (said,) = [note for note in without.notes if note.startswith("Not fitted: damping")]
+    assert "other has no aerodynamics named Clp, Cl_p, Cmq, Cm_q" in said
+    assert [*named.lower] == ["kinematic", "point_mass", "point_mass_lag"]
