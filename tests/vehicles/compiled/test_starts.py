@@ -14,7 +14,7 @@ from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.vehicles.compiled import engines, face, masses, run, settling, trimming
 from flighttune.vehicles.compiled.check import _start_numbers
 from flighttune.vehicles.compiled.model import Air, Source
-from flighttune.vehicles.compiled.properties import named
+from flighttune.vehicles.compiled.properties import Unsupported, named
 from flighttune.vehicles.compiled.rigid_body import INERTIA
 from flighttune.vehicles.compiled.trace import fabs
 from flighttune.vehicles.plants import weather as air
@@ -179,15 +179,17 @@ def drifting(now, of=run.hold):
 @pytest.mark.parametrize(
     ("aircraft", "place", "name", "operation"),
     [
-        ("aerosonde", trimming, "_through_air", later_wind),
-        ("aerosonde", engines._MOTORS, "electric", weaker),
-        ("aerosonde", masses, "_SLUG", masses._SLUG * (1.0 + 2.0**-52)),
-        ("c172p", run, "hold", drifting),
-        ("c172p", settling, "_SEARCH_STEP", 0.5 * (1.0 + 2.0**-52)),
+        pytest.param(*case, marks=pytest.mark.soak if k else pytest.mark.slow)
+        for k, case in enumerate([
+            ("aerosonde", trimming, "_through_air", later_wind),
+            ("aerosonde", engines._MOTORS, "electric", weaker),
+            ("aerosonde", masses, "_SLUG", masses._SLUG * (1.0 + 2.0**-52)),
+            ("c172p", run, "hold", drifting),
+            ("c172p", settling, "_SEARCH_STEP", 0.5 * (1.0 + 2.0**-52)),
+        ])
     ],
     ids=["wind", "engine", "mass", "motion that is not held", "search"],
-)
-@pytest.mark.soak
+)  # fmt: skip
 def test_a_wrong_start_is_found_and_jsbsim_starts(
     aircraft, place, name, operation, empty_cache, monkeypatch
 ):
@@ -197,6 +199,50 @@ def test_a_wrong_start_is_found_and_jsbsim_starts(
 
     assert isinstance(face.compiled(config), face.CompiledStep)
     assert face.evaluated(config) is None
+
+
+def loaded_by_both(name):
+    """An aircraft by JSBSim and by machine code, as it is loaded."""
+    config = load_aircraft(name)
+    compiled = face.evaluated(config)
+    assert compiled is not None
+    return Fdm(config), compiled
+
+
+def test_an_aircraft_of_machine_code_has_the_properties_of_that_of_jsbsim():
+    both = loaded_by_both("aerosonde")
+    fixed, of_air = "atmosphere/a-sl-fps", "atmosphere/turb-type"
+
+    names = [fdm.names("propulsion/") for fdm in both]
+    assert sorted(names[0]) == sorted(names[1])
+    for name in (*names[0], "fcs/throttle-cmd-norm", of_air, "aero/alpha-rad", "nowhere/at-all"):
+        assert len({fdm.shows(name) for fdm in both}) == 1, name
+        assert len({fdm.has(name) for fdm in both}) == 1, name
+    for fdm in both:
+        assert fdm.value("nowhere/at-all", 7.0) == 7.0
+        fdm.writer(of_air)(3.0)
+        assert fdm.reader(of_air)() == fdm.value(of_air, 0.0) == 3.0
+        with pytest.raises(ft.loop.PlantError, match="a-sl-fps` must be writable"):
+            fdm.writer(fixed)
+        for access in (fdm.reader, fdm.writer):
+            with pytest.raises(ft.loop.PlantError, match="`nowhere/at-all`"):
+                access("nowhere/at-all")
+    with pytest.raises(ft.loop.PlantError, match="an aircraft of machine code has no steps"):
+        both[1].run()
+    with pytest.raises(Unsupported, match="engine 1, which stands in a trim"):
+        both[1].start_engine(0)  # an electric one
+
+
+@pytest.mark.slow
+def test_a_piston_engine_that_is_started_turns_its_propeller_as_in_jsbsim():
+    started = []
+    for fdm in loaded_by_both("c172p"):
+        fdm.start_engine(0)
+        names = (f"propulsion/engine/{x}" for x in ("propeller-rpm", "engine-rpm", "set-running"))
+        started.append([fdm.reader(name)() for name in names])
+
+    assert started[0] == started[1]
+    assert started[0][0] > 500.0
 
 
 def test_a_start_that_fails_says_what_jsbsim_says():
