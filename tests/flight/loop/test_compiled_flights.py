@@ -13,7 +13,10 @@ from airframes import fdm_of
 
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
-from flighttune.flight.loop import aircraft, loop
+from flighttune.base.units import FT
+from flighttune.flight.conditions import start_condition, weather_of
+from flighttune.flight.fly import plant_of
+from flighttune.flight.loop import aircraft, compiled, loop
 from flighttune.flight.loop.aircraft import CompiledAircraft
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.compiled import face, motion
@@ -279,3 +282,70 @@ def test_an_aircraft_reaches_as_far_down_as_its_farthest_contact_is_from_its_cen
 
     expected = np.linalg.norm(np.array(contacts) - cg, axis=1).max() / 12.0
     assert aircraft._lowest_reach(fdm) == pytest.approx(expected, rel=1e-9)
+
+
+BY_AIR = {"disturbance": OSCILLATION | {"path": "air"}}  # which is steered sample by sample
+
+
+ONE_BY_ONE = {
+    "through the air with feedback": BY_AIR | LAWS["fed back"],
+    "an airspeed and sensors": LAWS["exact"] | {
+        "reference": {"chi_deg": 30.0, "gamma_deg": 20.0, "V_mps": 25.0},
+        "limits": {"n_x": [-0.3, 0.3]}, "navigation": {"grade": "poor"},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ONE_BY_ONE)
+def test_samples_that_are_flown_one_by_one_are_those_of_jsbsim(monkeypatch, case):
+    assert_compiled(monkeypatch, tables(duration_s=2.0, **ONE_BY_ONE[case]))
+
+
+@pytest.mark.slow
+def test_a_path_through_the_air_that_meets_the_ground_is_flown_again_by_jsbsim(monkeypatch):
+    dive = {"flight": {"h_m": 30.0}, "reference": {"chi_deg": 20.0, "gamma_deg": -30.0}}
+    compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=20.0, **BY_AIR, **dive))
+
+    assert {run.status for run in by_jsbsim} == {"ground_contact"}
+    assert {run.why_jsbsim for run in compiled} == {"flights near the ground are not compiled"}
+    assert_same(compiled, by_jsbsim)
+
+
+def test_a_command_that_is_no_number_is_left_to_jsbsim():
+    condition = ft.loop.FlightCondition(V_a=25.0, h=1000.0)
+    plant = ft.loop.JSBSimPlant("aerosonde")
+    plane = CompiledAircraft(ft.loop.JSBSimPlant("aerosonde"))
+    plane.compiles = True
+
+    stops = []
+    for each in (plant, plane):
+        each.start(condition)
+        for k in range(5):
+            each.observe()
+            assert each.advance(0.05 * k, 1.1, 0.02) is None
+        assert each is plant or each.compiled
+        stops.append(each.advance(np.nan, 1.1, 0.02))
+
+    assert not plane.compiled
+    assert plane.refused == aircraft.NOT_FINITE
+    assert stops[0] == stops[1]
+    np.testing.assert_array_equal(plane.observe(), plant.observe())
+
+
+@pytest.mark.parametrize("h", [500.0, 900.0, 950.0, 1000.0, 1090.0, 1100.0, 1500.0])
+def test_the_wind_of_compiled_steps_is_that_of_the_weather_at_every_height(h):
+    """Beyond the levels that of the nearest one."""
+    own = {"as_wind": True, "chi_amplitude": 0.1, "chi_omega_rad_s": 0.5,
+           "gamma_amplitude": 0.07, "gamma_omega_rad_s": 0.4}  # fmt: skip
+    scenario = ft.scenario_from(tables(**SHEAR, disturbance=own))
+    plane = plant_of(scenario.plant[0], scenario, compiled=True)
+    plane.compiles = True
+    plane.start(start_condition(scenario))
+    _, motion = plane.sampled(0.02)
+
+    found = [compiled._wind_at(motion, t, h / FT) for t in (0.0, 3.7, 11.0)]
+
+    weather = weather_of(scenario)
+    expected = [np.divide(weather.deterministic(t, h), FT) for t in (0.0, 3.7, 11.0)]
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-9)

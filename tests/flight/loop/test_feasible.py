@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_up import scenario_tables
 from scipy.integrate import solve_ivp
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 import flighttune as ft
 from flighttune.flight import conditions
 from flighttune.flight.load import check_scenario
+from flighttune.flight.loop import loop
 from flighttune.flight.loop.loop import simulate
 from flighttune.routes import feasible
 
@@ -292,3 +294,32 @@ def test_the_rows_of_the_rate_limits_are_those_of_the_changes_between_knots():
             sign * steps[i] - most[side, i] for i in range(2) for side, sign in enumerate((-1, 1))
         ]
         assert excess == pytest.approx(np.concatenate(expected))
+
+
+@pytest.mark.parametrize("feed_forward", [True, False])
+def test_samples_in_compiled_code_follow_a_plan_as_the_plain_loop_does(
+    found, monkeypatch, feed_forward
+):
+    """And tell their progress once a second."""
+    pytest.importorskip("numba")
+    tables, told = [], []
+    for samples in (math.inf, 0):
+        monkeypatch.setattr(loop, "COMPILED_FROM", samples)
+        law = ft.loop.MimoPI(ft.PAPER_GAINS, dt=PAPER.dt, feed_forward=feed_forward)
+        start = ft.loop.FlightCondition(V_a=25.0, chi=PAPER.start[0], gamma=PAPER.start[1])
+        told.append([])
+        flown, stop = loop.simulate(
+            ft.loop.PointMassPlant(LAGS),
+            law,
+            found,
+            condition=start,
+            duration=4.0,
+            progress=told[-1].append,
+        )
+        assert stop is None
+        tables.append(flown)
+
+    pd.testing.assert_frame_equal(*tables, check_exact=True)
+    assert told[0] == told[1]
+    assert np.diff(told[0]) == pytest.approx([1.0] * (len(told[0]) - 1))
+    assert len(told[0]) == 5
