@@ -712,3 +712,98 @@ def test_what_matters_most_says_how_many_flights_were_ended_and_asks_for_more():
 def test_a_claim_has_the_flights_that_its_rates_state(terms, later):
     with pytest.raises(ft.InputError, match=r"`(terms|later)` must be"):
         replace(hours(), terms=terms, later=later)
+
+
+@pytest.fixture
+def again(monkeypatch):
+    """Flights that are flown again: their stage, runs and plan; each run has times of its own."""
+    seen = []
+
+    def flown(flights, pool, runs, _doing):
+        seen.append((pool.progress.stage, [*runs], flights.plan.campaign))
+        after = flights.leaving.after_s or 0.0
+        return [Left(NEVER if run % 2 else after + run, 20.0 + run, after, 0.0) for run in runs]
+
+    monkeypatch.setattr(hourly_flights.TermFlights, "flown", flown)
+    return seen
+
+
+def counted_again():
+    """A claim of eight healthy flights, and six with a fault ended after 1 s and after 2 s."""
+    stated, plan = rates(ended_s=1.0), hourly_flights.hourly_plan(short_plan())
+    ends = hourly_flights.Ends(plan=plan, rates=stated, volume=box(1e4), alarms=None)
+
+    def term(fault, ended_s, number):
+        none = dict.fromkeys(("left_s", "end_s", "ended_at_s"), ())
+        begun = hourly_flights.FlownTerm(fault=fault, ended_s=ended_s, **none)
+        with WorkerPool(Fliers(workers=1)) as pool:
+            flights = ends.term(fault, ended_s, 1.0)
+            return begun.with_flights(flights.flown(pool, range(number), "counting"))
+
+    return per_hour.PerHour(
+        rates=stated.model_dump(mode="json", exclude_none=True), confidence=0.9,
+        plan=plan.as_dict(), volume=box(1e4),
+        terms=(term(None, None, 8), term(0, 1.0, 6)), later=(term(0, 2.0, 6),),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("count", "flown", "missed"), [(3, (3, 3, 3), (0.62, 0.5)), (None, (8, 6, 6), (0, 0))]
+)
+def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flown, missed):
+    """One forged flight of N is not among n of them with probability 1 - n / N."""
+    claim = counted_again()
+    again.clear()
+
+    verified = claim.verify(count, Fliers(workers=1))
+
+    assert verified.valid
+    assert [stage for stage, *_ in again] == [f"stage {i} of 3, " for i in (1, 2, 3)]
+    assert tuple(len({*runs} & {*range(8)}) for _, runs, _ in again) == flown
+    assert all(runs == sorted(runs) for _, runs, _ in again)
+    # a fault comes within the longest healthy flight
+    drawn = [{x.key: x for x in campaign.disperse} for *_, campaign in again]
+    assert [x["plant.airframe.fault.from_s"].upper for x in drawn[1:]] == [27.0, 27.0]
+    *notes, last = verified.notes
+    names = "Healthy flight", "Engine, cut after 1 s", "Engine, cut after 2 s"
+    for note, name, number, of, p in zip(
+        notes, names, flown, (8, 6, 6), (*missed, missed[1]), strict=True
+    ):
+        assert note.startswith(f"{name}: {number} of {of} flights")
+        assert note.endswith(f"1 forged ones would be missed with probability {p:g}.")
+    assert "rates are the applicant's" in last
+
+
+@pytest.mark.parametrize(
+    ("place", "times", "name"),
+    [
+        (0, "left_s", "healthy flight"),
+        (0, "end_s", "healthy flight"),
+        (1, "ended_at_s", "engine, cut after 1 s"),
+        (2, "end_s", "engine, cut after 2 s"),
+    ],
+)
+@pytest.mark.usefixtures("again")
+def test_a_flight_with_another_time_than_it_has_again_is_named(place, times, name):
+    claim = counted_again()
+    terms = [*claim.terms, *claim.later]
+    stated = [*getattr(terms[place], times)]
+    stated[4] += 0.25
+    terms[place] = replace(terms[place], **{times: tuple(stated)})
+    forged = replace(claim, terms=tuple(terms[:2]), later=tuple(terms[2:]))
+
+    verified = forged.verify(None, Fliers(workers=1))
+
+    assert not verified.valid
+    assert verified.reason.startswith(f"flight 4 of {name} must be as JSBSim")
+
+
+@pytest.mark.usefixtures("again")
+def test_flights_of_an_aircraft_with_other_files_are_not_flown_again():
+    claim = counted_again()
+    plan = {**claim.plan, "aircraft": dict.fromkeys(claim.plan["aircraft"], "0" * 64)}
+
+    verified = replace(claim, plan=plan).verify(1, Fliers(workers=1))
+
+    assert not verified.valid
+    assert "files of the aircraft must be those that were flown" in verified.reason
