@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -13,11 +14,11 @@ import numpy as np
 import pytest
 from commands import flighttune
 from made_up import scenario_file
-from made_up_tubes import arrays_of, claim_of, rewritten, tube, tube_scenario
+from made_up_tubes import FEW_PIECES, arrays_of, claim_of, rewritten, tube, tube_scenario
 
 import flighttune as ft
 from flighttune.base.words import quoted
-from flighttune.claims.tubes.tube import stated_problem
+from flighttune.claims.tubes import tube as tubes
 from flighttune.vehicles.identification.file import LogEvidence
 
 
@@ -293,6 +294,57 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
     assert not out.exists()
 
 
+# rad/s: a disturbance that the scenario has itself
+OWN = 0.15
+
+
+@pytest.mark.slow
+def test_the_next_larger_disturbance_of_two_digits_is_not_bounded():
+    """A sample of a second is longer than the time in which a width may double."""
+    start = {"chi_err_deg": 1.0, "gamma_deg": 1.0, "gamma_ref_deg": 0.0}
+    tables = tube_scenario(**start, duration_s=2.0, rate_hz=1.0).as_dict()
+    swing = {"chi_amplitude": OWN, "chi_omega_rad_s": 1.0}
+    scenario = ft.scenario_from(tables | {"disturbance": swing})
+    quick = ft.PIGains(K_P=3.0 * np.eye(2), K_I=1.5 * np.eye(2))
+
+    found = tubes.largest_disturbance(tubes.stated_problem(scenario, quick))
+
+    by_status = {"bounded": [], "unbounded": []}
+    for size, of in found.tried.items():
+        by_status[of.status].append(size)
+    assert found.largest == max(by_status["bounded"])
+    next_larger = float(f"{found.largest + 10.0 ** math.floor(math.log10(found.largest) - 1):.1e}")
+    assert min(by_status["unbounded"]) == pytest.approx(next_larger)
+    assert [*found.tried] == sorted(found.tried)
+    assert OWN < min(found.tried)
+    assert found.tried[next_larger].reason.endswith("from t = 2.00 s on")
+
+
+@pytest.mark.parametrize(("grows_at", "said"), [(50, "from 0.96 s on"), (0, "from 0.00 s on")])
+def test_from_when_on_a_lost_set_doubles_is_said(grows_at, said):
+    """One width of the errors doubles in 8 samples: over 0.2 s, of 10, from two before it grows."""
+    t = np.arange(100) / 50.0
+    width = 2.0 ** (np.maximum(np.arange(80) - grows_at, 0) / 8.0)
+    ranges = np.zeros((80, 4, 2))
+    ranges[:, 0, 1], ranges[:, 1, 1] = 1.0, width
+    reason = tubes._why_lost("lost", t, ranges)
+    steady = ranges.copy()
+    steady[:, 1, 1], steady[:, 2, 1] = 1.0, width
+
+    assert reason == f"lost from t = 1.60 s on; {said} the width doubles within 0.2 s"
+    # a command may grow
+    assert tubes._why_lost("lost", t, steady) == "lost from t = 1.60 s on"
+    assert tubes._why_lost("lost", t, ranges[:10]) == "lost from t = 0.20 s on"
+
+
+def test_the_progress_of_a_tube_is_said_at_each_fiftieth_sample():
+    seen = []
+    problem = tubes.stated_problem(tube_scenario(chi_err_deg=0.1, duration_s=1.2), ft.PAPER_GAINS)
+    tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False, progress=seen.append)
+
+    assert seen == pytest.approx([0.0, 50.0 / 61.0])
+
+
 @pytest.mark.soak
 def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
     stdout, _ = flighttune("tube", scenario(duration=0.1), "--disturbance", "largest", "--json")
@@ -351,7 +403,7 @@ def test_the_disturbance_of_a_model_from_logs_is_the_larger_residual_rate(tmp_pa
     plants = [{"kind": "point_mass_lag", "identified": str(tmp_path / "mine.json")}]
     flown = ft.scenario_from(tube_scenario(gamma_deg=0.0).as_dict() | {"plant": plants})
 
-    assert stated_problem(flown, ft.PAPER_GAINS).disturbance == 0.02
+    assert tubes.stated_problem(flown, ft.PAPER_GAINS).disturbance == 0.02
 
 
 @pytest.mark.parametrize("n_z", [[0.95, 2.0], [0.0, 0.98]])
@@ -361,6 +413,6 @@ def test_load_factors_at_both_ends_of_the_starts_are_inside_their_range(n_z):
     tables["limits"]["n_z"] = n_z
     flown = ft.scenario_from(tables)
 
-    assert stated_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(0.5)).start > 0.0
+    assert tubes.stated_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(0.5)).start > 0.0
     with pytest.raises(ft.InputError, match=r"`n_z` .* must start inside its range"):
-        stated_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(5.0))
+        tubes.stated_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(5.0))
