@@ -4,7 +4,15 @@ import re
 
 import numpy as np
 import pytest
-from made_up_tubes import arrays_of, claim_of, disturbed_flight, rewritten, tube, tube_scenario
+from made_up_tubes import (
+    BRAKING_LATE,
+    arrays_of,
+    claim_of,
+    disturbed_flight,
+    rewritten,
+    tube,
+    tube_scenario,
+)
 
 import flighttune as ft
 from flighttune.claims.tubes import tube as tubes
@@ -47,6 +55,20 @@ def path(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
     found.save(path)
     return path
+
+
+def test_a_law_that_feeds_back_settles_too_and_stays_for_ever(scenario):
+    fed_back = {"inputs": ("chi_dot", "gamma_dot"), "feedback": (0.2, 0.2)}
+    gains = ft.PIGains(K_P=0.9 * np.eye(2), K_I=0.2 * np.eye(2), **fed_back)
+    exact = ft.scenario_from(scenario.as_dict() | {"law": [BRAKING_LATE]})
+    ever = tube(exact, gains, disturbance=D).hand_over
+
+    longer = tubes.stated_problem(lasting(exact, LONGER), gains, disturbance=D)
+    signals, _ = disturbed_flight(longer, disturbance=lambda t: (D, -D))
+
+    after = signals[signals.index > exact.flight.duration_s]
+    for name, (low, high) in zip(QUANTITIES, ever.bounds, strict=True):
+        assert after[name].between(low, high).all()
 
 
 @pytest.mark.parametrize("omega", [0.7, 0.0, 1.5, 6.0])

@@ -118,6 +118,64 @@ def test_no_flight_leaves_the_tube(count):
     check_cases(check, st.one_of(paper_problems(), lagged_problems(), exact_problems()), count)
 
 
+# deg: without a disturbance, a tube from one start is as wide as what is not followed exactly
+NARROW_DEG = 0.03
+
+LAGS = {"kind": "point_mass_lag", "roll_lag_rad_s": 8.0, "n_z_lag_rad_s": 6.0}
+
+
+def brief(**changes):
+    return tube_scenario(
+        **{"chi_err_deg": 1.0, "gamma_deg": 2.0, "gamma_ref_deg": 0.0, "rate_hz": 25.0, **changes}
+    )
+
+
+def without_rates():
+    tables = brief(chi_err_deg=60.0, roll_deg=20.0).as_dict()
+    limits = {key: of for key, of in tables["limits"].items() if "rate" not in key}
+    return ft.scenario_from(tables | {"limits": limits})
+
+
+@pytest.mark.parametrize(
+    ("scenario", "gains"),
+    [
+        *(
+            pytest.param(
+                ft.scenario_from(
+                    brief(feed_forward=planned).as_dict() | {"plant": [plant], "reference": PLANNED}
+                ),
+                ft.PAPER_GAINS,
+                id=f"rolled into, {plant['kind']}, {planned}",
+            )
+            for plant in (LAGS, {"kind": "kinematic"})
+            for planned in (True, False)
+        ),
+        *(
+            pytest.param(
+                with_exact(
+                    brief(chi_err_deg=6.0, anti_windup="none", roll_dps=10.0),
+                    {"kind": "point_mass"},
+                    [BRAKING_LATE],
+                ),
+                replace(EXACT_PAPER, feedback=fed),
+                id=f"without anti-windup, {fed}",
+            )
+            for fed in ((0.0, 0.0), (0.5, 0.3))
+        ),
+        pytest.param(without_rates(), ft.PAPER_GAINS, id="without rate limits"),
+    ],
+)
+def test_the_tube_of_one_flight_is_that_flight(scenario, gains):
+    problem = tubes.stated_problem(scenario, gains)
+    found = tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+
+    signals, _ = disturbed_flight(problem)
+
+    assert found.status == "bounded"
+    assert found.bounds.contain(signals)
+    assert np.rad2deg(np.ptp(found.bounds.pairs[:, :2], axis=2)).max() < NARROW_DEG
+
+
 def test_a_load_factor_at_its_rate_limit_does_not_follow_the_reference():
     # The row of the load factor is relative to the reference, whose cosine moves by 0.009 in each
     # sample. At its rate limit the command moves by 0.006 in a sample.
