@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import shutil
 import time
 import tomllib
@@ -12,7 +13,7 @@ import pytest
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.base.errors import PlantError
+from flighttune.base.errors import PlantError, TrimError
 from flighttune.studies.adoption import adopt, survey
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.plants.base import FlightCondition
@@ -259,3 +260,63 @@ def test_an_adoption_is_trimmed_about_its_airspeed_by_climbs_that_its_engines_al
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace("count = 2", "count = 0"))
     assert best_of(("adopted", 99.0))[0].trims[0]["gamma"] is None  # of the glide at each airspeed
+
+
+def adopted_by(monkeypatch, folder, asked_h, *, glide_ratio=2.5, fails=None):
+    """What is adopted of a glider at 100 m/s, heights of its surveys and flights, what was said."""
+    heights, said = [], []
+    tables = {"title": "glider", "source": adopt.SOURCE, "model": "glider.xml", "surfaces": {}}
+    lift = survey.Lift(*np.zeros((3, 2)), 0.3, -0.2, 60.0)
+
+    def surveyed(tables, _, h, **choices):
+        heights.append(h)
+        assert not tables["engines"]  # as at the beginning, whatever a survey found before
+        tables["engines"]["count"] = 0
+        return survey.Survey(tables, lift, 100.0, 1.0, glide_ratio, ("drag", 0.5), ("odd",))
+
+    def best(surveyed, folder, h, say, used):
+        heights.append(h)
+        if fails:
+            raise fails
+        return adopt.Adoption(name="glider", status="adopted", notes=surveyed.notes)
+
+    monkeypatch.setattr(adopt, "survey", surveyed)
+    monkeypatch.setattr(adopt, "_best", best)
+    tables |= {"settings": {}, "declared": {}, "linked": {}, "engines": {}}
+    choices = {"V_a": None, "say": said.append}
+    found = adopt._adopted(tables, {**tables, "title": ""}, folder, asked_h, choices)
+    return found, heights, said
+
+
+def test_a_steep_glide_begins_at_the_next_kilometre_above_the_height_that_it_loses(
+    tmp_path, monkeypatch
+):
+    """In 60 s, at 100 m/s and 3 deg below a glide of 1 in 2.5: 2.7 km."""
+    found, heights, said = adopted_by(monkeypatch, tmp_path, None)
+
+    assert heights == [1000.0, 3000.0, 3000.0]
+    assert said == ["a steep glide, from 3000 m instead of 1000 m"]
+    assert found.notes == ("odd", "its glide is steep: it flies from 3000 m")
+    # a height that is asked for is kept, and one of 940 m is within the usual
+    assert adopted_by(monkeypatch, tmp_path, 500.0)[1:] == ([500.0] * 2, [])
+    assert adopted_by(monkeypatch, tmp_path, None, glide_ratio=9.6)[1:] == ([1000.0] * 2, [])
+
+
+def test_a_flight_that_is_not_steady_asks_for_another_airspeed_and_keeps_what_was_found(
+    tmp_path, monkeypatch
+):
+    place = f"{os.path.realpath(tmp_path / 'glider.xml')}: "
+    (tmp_path / "aircraft.toml").write_text("tried = 1\n")
+    untrimmed = TrimError("glider at 100 m/s: no steady flight.")
+    fallen = PlantError(f"{place}it fell.")
+
+    slow, _, _ = adopted_by(monkeypatch, tmp_path, 500.0, fails=untrimmed)
+    (tmp_path / "aircraft.toml").unlink()
+    other, _, _ = adopted_by(monkeypatch, tmp_path, 500.0, fails=fallen)
+
+    assert slow.status == other.status == "refused"
+    assert slow.reason == "no steady flight; another airspeed (`--V-a`) may do"
+    assert slow.texts == {"aircraft.toml": f"# refused: {slow.reason}\ntried = 1\n"}
+    assert other.reason == "it fell"
+    assert "# refused: it fell" in other.texts["aircraft.toml"]
+    assert (slow.V_a, slow.glide_ratio, slow.notes, slow.engines) == (100.0, 2.5, ("odd",), 0)

@@ -210,11 +210,33 @@ def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
     assert min(channel.fit_percent for channel in channels.values()) > 90.0
 
 
+@pytest.mark.parametrize(("share", "sense"), [(1.01, 1.0), (1.01, -1.0), (0.99, 1.0)])
+def test_a_gyroscope_that_is_faster_than_the_loops_is_made_up_for_by_both_surfaces(
+    slopes, share, sense
+):
+    """Pitch and yaw turn into each other at the root of their product: 1.5 times the bandwidth."""
+    rows = {what: dict(row) for what, row in slopes.slopes.items()}
+    nutation = share * 1.5 * AEROSONDE.design.n_z
+    rows["q_dot"]["r"], rows["r_dot"]["q"] = 2.0 * sense * nutation, -0.5 * sense * nutation
+    airframe = designs.Airframe(trimmed=slopes.trimmed, slopes=rows)
+
+    gains = designs.inner_loop_gains(airframe, AEROSONDE.design)
+
+    if share < 1.0:
+        assert not {"pitch/k_r", "yaw/k_q"} & gains.keys()
+    else:
+        by_elevator = gains["pitch/k_r"] * rows["q_dot"]["elevator"]
+        by_rudder = gains["yaw/k_q"] * rows["r_dot"]["rudder"]
+        assert rows["q_dot"]["r"] + by_elevator == pytest.approx(0.0, abs=1e-9)
+        assert rows["r_dot"]["q"] + by_rudder == pytest.approx(0.0, abs=1e-9)
+
+
 def test_without_a_design_table_there_is_nothing_to_design_for():
     config = AEROSONDE.model_copy(update={"design": None})
 
     with pytest.raises(ft.InputError, match=r"aircraft.toml: `design` must be given"):
         ft.design(config)
+    assert designs.check_steps(config) == ()
 
 
 def test_an_aircraft_is_shown_rolling_and_in_a_pull_up_and_a_push_over():
