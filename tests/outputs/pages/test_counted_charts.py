@@ -1,0 +1,104 @@
+"""Charts of counts hold the band, its flights inside and outside, and the room to turn back."""
+
+import numpy as np
+import pytest
+from made_up_band import count_of
+
+import flighttune as ft
+from flighttune.claims import counted_flights
+from flighttune.claims.turn_back import TurnBack
+from flighttune.outputs.pages import counted
+
+LARGEST = 5.0, 2.0  # m: cross track and height of a flight at the edge of the band
+ROOM = 271.2, 3.4  # m
+OUTSIDE = 2.0, 2.0, 3.0, 4.0, np.inf
+SCORES = np.concatenate([np.linspace(0.25, 1.0, 24), OUTSIDE])
+SINGLE = 1e-6  # flights are kept in single precision
+
+
+@pytest.fixture(scope="module")
+def counts():
+    """A band and a room to turn back of 29 flights along a corner, of which five are outside."""
+    places = ((0.0, 0.0), (600.0, 0.0), (600.0, 500.0))
+    changes = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in places]}
+    flights = ft.flights("circuit", changes=changes).knowing("standard")
+    plan = flights.plan(plant="kinematic", gains="paper").with_runs(39)
+
+    def of(kind, plan, away):
+        measured = kind.measures.chosen(plan, None)
+        few = {"epsilon": 0.3, "confidence": 0.9}
+        return count_of(kind, plan.with_runs(39), measured, away, SCORES, **few)
+
+    return of(ft.Band, plan, LARGEST), of(TurnBack, counted_flights.turning_back(plan, 30.0), ROOM)
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_a_band_is_drawn_with_its_flights_inside_outside_and_nearest(counts, k):
+    band, _ = counts
+
+    chart = counted.band_charts(band)[k]
+
+    (_, low), (_, high), edge_low, edge_high, (xs, inside), (_, outside), (_, nearest) = chart._seen
+    assert low == pytest.approx(-LARGEST[k], rel=SINGLE)
+    assert high == pytest.approx(LARGEST[k], rel=SINGLE)
+    assert edge_low[1] == pytest.approx(-LARGEST[k], rel=SINGLE)
+    assert edge_high[1] == pytest.approx(LARGEST[k], rel=SINGLE)
+    assert np.nanmax(inside) == pytest.approx(LARGEST[k], rel=SINGLE)
+    assert np.nanmin(np.abs(inside)) == pytest.approx(0.25 * LARGEST[k], rel=SINGLE)
+    assert np.nanmax(outside) == pytest.approx(4.0 * LARGEST[k], rel=SINGLE)
+    assert np.nanmin(np.abs(outside)) == pytest.approx(2.0 * LARGEST[k], rel=SINGLE)
+    assert np.abs(nearest) == pytest.approx(LARGEST[k], rel=SINGLE)
+    gaps = np.isnan(inside).sum()
+    assert gaps == 24  # a line of each flight
+    assert (np.nanmin(xs), np.nanmax(xs)) == pytest.approx(band.flights.edges[[0, -1]] / 1e3)
+    names = [name for name, *_ in chart.legend]
+    assert names[1:3] == ["24 inside", "4 outside"]
+    assert names[3] == f"draw {band.draws[23]}, nearest to leaving"
+    assert "[m]" in chart.y
+
+
+def test_of_many_flights_every_nth_inside_is_drawn_and_all_outside(counts, monkeypatch):
+    monkeypatch.setattr(counted, "MIN_DRAWN", 8)
+
+    chart = counted.band_charts(counts[0])[0]
+
+    assert [name for name, *_ in chart.legend][1:3] == ["24 inside, 8 drawn", "4 outside"]
+    assert np.isnan(chart._seen[4][1]).sum() == 8
+    assert np.isnan(chart._seen[5][1]).sum() == 4
+
+
+def test_a_mission_shows_its_map_and_heights_before_its_signals(counts):
+    band, room = counts
+
+    chart, heights, *others = counted.mission_charts(band, room)
+
+    assert [x.title for x in others] == [x.title for x in counted.band_charts(band)]
+    planned = heights._seen[-1]
+    assert planned[0][-1] == pytest.approx(band.flights.route.where[0].length / 1e3)
+    assert "planned" in [name for name, *_ in heights.legend]
+    widths = [volume.width for volume in room.volumes(band).values()]
+    assert widths == sorted(widths)
+    assert widths[0] == pytest.approx(LARGEST[0], rel=0.5)
+    names = [name for name, *_ in chart.legend]
+    assert [*room.volumes(band)] == [name for name in names if name in room.volumes(band)]
+    north = max(float(np.nanmax(y)) for _, y in chart._seen)
+    assert north >= 600.0 + widths[-1] - 1.0
+    alone = [name for name, *_ in counted.mission_charts(band)[0].legend]
+    assert not {*room.volumes(band)} & {*alone}
+
+
+def test_the_room_to_turn_back_is_drawn_around_the_flights_that_stayed_in_it(counts):
+    _, room = counts
+
+    chart = counted._room(room)
+
+    (across, up), (far, high), (edge_x, edge_y) = chart._seen
+    assert across == pytest.approx(ROOM[0] * SCORES[:24], rel=SINGLE)
+    assert up == pytest.approx(ROOM[1] * SCORES[:24], rel=SINGLE)
+    assert far == pytest.approx(ROOM[0] * np.array(OUTSIDE[:4]), rel=SINGLE)
+    assert high == pytest.approx(ROOM[1] * np.array(OUTSIDE[:4]), rel=SINGLE)
+    assert [name for name, *_ in chart.legend] == ["24 inside", "4 outside", "the room"]
+    assert edge_x == pytest.approx([0.0, room.room.from_route, room.room.from_route])
+    assert edge_y == pytest.approx([room.room.height, room.room.height, 0.0])
+    # in whole metres, rounded up
+    assert (room.room.from_route, room.room.height) == (272.0, 4.0)
