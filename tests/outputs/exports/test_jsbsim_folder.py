@@ -16,10 +16,12 @@ import pytest
 from airframes import changed_aerosonde
 from commands import answer, flighttune
 from fuzzing import first_or_all
-from made_up import shortened
+from made_up import made_up_run, scenario_tables, shortened
 from places import SCENARIO_NAMES, SHIPPED_SCENARIOS
 
 import flighttune as ft
+from flighttune.flight import load
+from flighttune.outputs.exports import jsbsim_folder
 from flighttune.outputs.exports.jsbsim_folder import CSV
 
 SAME = 1e-9
@@ -186,6 +188,131 @@ def test_two_channels_give_way_to_the_airspeed_as_in_fly(gains, reference, tmp_p
     assert max(found.values()) < SAME, found
     written = pd.read_csv(tmp_path / "sent to a colleague" / CSV)
     assert written["gamma_rad"].iloc[-1] < math.radians(-3.0)
+
+
+SPEED = {"name": "speed", "law": "exact", "K_P": np.diag([1.5, 1.4, 2.5]).tolist()}
+SPEED |= {"K_I": np.diag([0.8, 0.7, 0.6]).tolist()}
+
+
+def failing_climb(aircraft, V, **changes):
+    """Two seconds of a climb in wind whose engine fails, with errors of sensors."""
+    ramp = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "rate_dps": 4.0}
+    tables = scenario_tables(
+        flight={"V_a_mps": V, "h_m": 1000.0, "duration_s": 2.0},
+        wind={"speed_mps": 0.15 * V, "from_deg": 60.0, "down_mps": 1.0},
+        sensors={"chi_bias_deg": 1.0, "gamma_noise_sd_deg": 0.2, "V_a_noise_sd_mps": 0.5},
+        reference={"gamma_deg": [ramp], "chi_deg": [ramp | {"start_s": 0.5}]},
+        controller={"rate_hz": 50.0},
+        plant=[{"kind": "jsbsim", "aircraft": aircraft, "throttle_max": 0.1}],
+    )
+    tables["plant"][0]["throttle_max_from_s"] = 0.51
+    for key, value in changes.items():
+        tables[key] = {**tables.get(key, {}), **value} if isinstance(value, dict) else value
+    return ft.scenario_from(tables)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("aircraft", "V", "changes"),
+    [
+        # thrust is a channel of the law
+        ("aerosonde", 25.0, {"reference": {"V_mps": 25.0}, "gains": [SPEED], "law": ["exact"]}),
+        # a piston engine, whose starter and propeller take time
+        ("c172p", 55.0, {"controller": {"speed_priority": True}}),
+    ],
+    ids=["thrust", "piston"],
+)
+def test_an_engine_fails_beside_wind_and_sensors_as_in_fly(aircraft, V, changes, tmp_path):
+    scenario = failing_climb(aircraft, V, **changes)
+
+    flight = ft.export(scenario, scenario.gain_names[0], out=tmp_path)
+
+    assert flight.same, flight.verdict
+    largest = dict(flight.differences)
+    assert ("V_a" in largest) == bool(scenario.airspeed)
+    largest["V_a"] = largest.get("V_a", 0.0) / V
+    assert max(largest.values()) < SAME
+    assert flight.start == {"aerosonde": 40.0, "c172p": 100.0}[aircraft]
+    written = pd.read_csv(tmp_path / CSV)
+    assert written["Time"].iloc[0] == pytest.approx(flight.start, abs=1e-9)
+    assert len(written) == 101
+
+
+T = 0.02 * np.arange(51)
+
+
+def compared(monkeypatch, folder, status="completed", **apart):
+    """JSBSim's file beside a run of a second that differs from it by these, from 0.5 s on."""
+    signals = dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a", "V_ref"), 0.0 * T + 20.0)
+    run = made_up_run(
+        {name: np.where(T > 0.49, x + apart.get(name, 0.0), x) for name, x in signals.items()}, T,
+        status=status, reason="it stalled" * (status != "completed"),
+    )  # fmt: skip
+
+    def flown(*_, time_limit):
+        assert time_limit > 2.0 * 41.0
+        pd.DataFrame(dict.fromkeys(COLUMNS, 0.0 * T + 20.0)).to_csv(folder / CSV, index=False)
+        return ""
+
+    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
+    largest, differs = jsbsim_folder._differences([], folder / CSV, 40.0, run)
+    entry = load.chosen_entry(failing_climb("aerosonde", 25.0), "paper")
+    return largest, differs, jsbsim_folder._verdict(entry, run, largest, differs)
+
+
+@pytest.mark.parametrize(
+    ("apart", "said"),
+    [
+        ({}, ""),
+        ({"phi": 1e-12, "V_a": 1.9e-8}, ""),  # of the airspeed relative to 20 m/s
+        ({"V_a": 2.1e-8}, "V_a differs first, at t = 0.5 s"),
+        ({"n_z": 1e-3, "phi": 2e-3}, "phi differs first, at t = 0.5 s"),
+        ({"chi": 2.0 * math.pi}, ""),  # one of the two courses wraps
+        ({"chi": -1e-6}, "chi differs first, at t = 0.5 s"),
+        ({"gamma": math.nan}, "gamma differs first, at t = 0.5 s"),
+    ],
+)
+def test_the_first_difference_beyond_rounding_is_named(monkeypatch, tmp_path, apart, said):
+    largest, differs, verdict = compared(monkeypatch, tmp_path, **apart)
+
+    assert differs == said
+    same = "JSBSim flew the folder with the gains paper: its flight is that of `flighttune fly`"
+    other = f"JSBSim's flight is not that of `flighttune fly`: {said}."
+    assert verdict.startswith(other if said else f"{same} to within")
+    for name, value in apart.items():
+        size = 0.0 if name == "chi" and value > 6.0 else abs(value)
+        assert largest[name] == pytest.approx(size, abs=1e-13, nan_ok=True)
+
+
+def test_a_flight_that_ended_early_is_compared_until_then(monkeypatch, tmp_path):
+    _, _, verdict = compared(monkeypatch, tmp_path, status="left_envelope")
+
+    assert verdict.endswith("until `flighttune fly` ended the flight: it stalled")
+
+
+@pytest.mark.parametrize(
+    ("text", "failure", "said"),
+    [
+        ("", "it ended", "JSBSim must fly it, but it ended"),
+        ("", "", "JSBSim's flight.csv cannot be read"),
+        ("Time\n1\n", "", "JSBSim's flight.csv cannot be read"),
+        (",".join(COLUMNS) + "\n0,0,0,0,0,0\n", "", "flight ends after 1 of 51 samples"),
+    ],
+)
+def test_a_flight_of_jsbsim_that_is_not_there_is_a_difference(
+    monkeypatch, tmp_path, text, failure, said
+):
+    def flown(*_, **__):
+        (tmp_path / CSV).write_text(text)
+        return failure
+
+    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
+    run = made_up_run(dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a"), 0.0 * T), T)
+
+    largest, differs = jsbsim_folder._differences([], tmp_path / CSV, 40.0, run)
+
+    assert largest == {}
+    assert said in differs
 
 
 @pytest.mark.counts
