@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -177,3 +178,87 @@ def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     )
 
     assert "at most 0 rad\u00a0s² (K3)</button>" in made_page.path.read_text(encoding="utf-8")
+
+
+def found_of(made, kept=None, until_sure=None):
+    """Findings of a made-up plan, of which so many flights are there."""
+    rows = made_up_rows(made)
+    if until_sure is not None:
+        table = made.campaign.model_copy(update={"until_sure": until_sure})
+        made = replace(made, campaign=table)
+    return findings.findings_of(rows if kept is None else rows[:kept], made)
+
+
+@pytest.mark.parametrize(
+    ("design", "kept", "said"),
+    [
+        ("random", None, None),
+        ("random", 30, "Not finished: the numbers are those of 30 of 40 flights."),
+        ("latin_hypercube", None, "Draws are spread evenly (latin hypercube); "),
+        ("sobol", None, "Draws are spread evenly (sobol); "),
+    ],
+)
+def test_notes_of_a_campaign_say_how_many_flights_it_has_and_how_they_were_drawn(
+    design, kept, said
+):
+    notes = campaign.notes(found_of(made_up_plan(runs=40, design=design), kept))
+
+    special = [note for note in notes if note.startswith(("Not finished", "Draws", "The campaign"))]
+    assert len(special) == (said is not None)
+    assert all(note.startswith(said) for note in special)
+
+
+def test_a_campaign_that_ended_because_it_was_sure_says_so_with_its_answer():
+    """Of 150 flights on the law all succeed: at least half of all do, as surely as asked."""
+    bound = {"at_most": {"chi": {"ITAE": 1e3}}}
+    found = found_of(made_up_plan(bound, runs=800), 600, until_sure=0.5).by(None)
+
+    notes, (first, *_) = campaign.notes(found), campaign.summary(found)
+
+    assert {*found.values["sure"].values()} == {"yes"}
+    assert (
+        "The campaign ended after 600 of 800 flights by its own rule, sure of each answer." in notes
+    )
+    assert any("hold whenever the campaign ends" in note for note in notes)
+    assert first.startswith("At least 50 % of the flights of ")
+    few = found_of(made_up_plan(bound, runs=800), 12, until_sure=0.5).by(None)
+    assert "Not finished: the numbers are those of 12 of 800 flights." in campaign.notes(few)
+    assert campaign.summary(few)[0].startswith("It is not sure whether at least 50 % of")
+
+
+def test_success_over_a_parameter_is_its_share_at_each_value_with_its_interval(made_up):
+    charts = campaign_charts.split_panels(made_up)
+
+    (title,) = {chart.title for chart in charts}
+    assert title == "Success over initial airspeed"
+    for split, (ends, shares, dots) in zip(
+        made_up.splits, zip(*[iter(charts[0]._seen)] * 3, strict=True), strict=True
+    ):
+        rows = made_up.rows[
+            (made_up.rows["plant"] + " / " + made_up.rows["gains"]) == split["group"]
+        ]
+        assert shares[1] == pytest.approx([100.0 * x.value for x in split["success"]])
+        assert dots[0] == pytest.approx(split["centres"])
+        n = len(rows)
+        assert np.mean(shares[1]) == pytest.approx(100.0 * rows["success"].mean(), abs=100.0 / n)
+        low, high = ends[1][::3], ends[1][1::3]
+        assert (low <= shares[1]).all()
+        assert (shares[1] <= high).all()
+
+
+def test_convergence_ends_at_the_share_and_the_percentile_of_all_flights(made_up):
+    success, p95 = campaign_charts.convergence(made_up)
+
+    for k, (group, rows) in enumerate(made_up.groups()):
+        lines = success._seen[3 * k + 2]
+        assert lines[0][-1] == len(rows) == 200
+        assert lines[1][-1] == pytest.approx(100.0 * rows["success"].mean())
+        own = [x for x in made_up.values["groups"] if x["group"] == group.label]
+        assert p95._seen[3 * k + 2][1][-1] == pytest.approx(
+            own[0]["metrics"][made_up.measure]["p95"], nan_ok=True
+        )
+    bare = made_up_plan(runs=40)
+    rows = made_up_rows(bare).drop(columns=["chi.ITAE", "gamma.ITAE", "chi.settling_s"])
+    without = findings.findings_of(rows, bare)
+    assert campaign_charts.convergence(without) == []
+    assert campaign_charts.scatter_panels(without) == []
