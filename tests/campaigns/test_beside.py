@@ -20,6 +20,8 @@ import flighttune as ft
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
 from flighttune.logs.parameters import flown_now
+from flighttune.outputs.drawing.palette import LineStyle
+from flighttune.outputs.pages import beside as page
 from flighttune.studies import beside
 
 CORNERS = (0.0, 0.0), (100.0, 0.0), (150.0, 50.0)
@@ -216,6 +218,58 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(file, lost):
             f"our law {counted['ours']}."
         )
     )
+
+
+@pytest.fixture(scope="module")
+def made_up(file):
+    """Seven draws, of which one with the user's parameters is lost; ours errs by half."""
+    leg = {"route.waypoint": LEG, "gains": ["paper"]}
+    stated, now = ft.flights("circuit_in_wind", changes=leg), flown_now(file, None)
+    n, track = 7, np.array([4.0, 1.0, 6.0, 2.0, 5.0, 3.0, np.nan])
+    plan = beside._with_guidance(counting.drawn(stated, gains="paper"), now).with_runs(2 * n)
+    rows = pd.DataFrame({"draw": np.repeat(np.arange(n), 2), "gains": ["yours", "ours"] * n})
+    rows["plant"], rows["status"], rows["run"] = "aerosonde", "completed", np.arange(2 * n)
+    rows["success"], rows["reason"] = True, ""
+    ours = np.where(np.isnan(track), 7.0, track) / 2.0
+    rows["flight.cross_track_m"] = np.column_stack([track, ours]).ravel()
+    rows["chi.peak_rad"] = np.radians(rows["flight.cross_track_m"])
+    for name in ("flight.height_err_m", "flight.V_a_dev_mps", "gamma.peak_rad"):
+        rows[name] = np.nan
+    rows.loc[12, "status"] = "diverged"
+    return beside.Beside(now=now, plan=plan, rows=rows, tracking=[])
+
+
+def test_shares_of_flights_below_an_error_rise_by_one_flight_at_each(made_up):
+    looks = {name: LineStyle("#1F78B4", "blue", 2.0, False) for name in ("yours", "ours")}
+
+    track, course = page.error_charts(made_up, looks)
+
+    assert track.title == "Largest error of cross track"
+    assert track.x == "cross track [m]"
+    (x, y), (x_ours, y_ours) = track._seen
+    # the lost flight counts among the seven, and is below no error
+    assert x.tolist() == np.repeat([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 2).tolist()
+    assert y == pytest.approx(100.0 * np.repeat(np.arange(7), 2)[1:-1] / 7.0)
+    assert x_ours[-1] == 3.5
+    assert y_ours[-1] == pytest.approx(100.0)
+    assert course.x == "course [deg]"
+    assert course._seen[0][0] == pytest.approx(x)
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_draw_with_the_median_error_of_the_user(made_up, tmp_path):
+    """Of seven errors, one of which is infinite, the fourth is 4 m in draw 0."""
+    written = page.write_beside_page(made_up, tmp_path / "page.html", "flighttune compare")
+
+    shown = written.path.read_text(encoding="utf-8")
+    assert written.summary == tuple(made_up.answer().summary)
+    assert "One flight with both, draw 0" in shown
+    assert shown.count("Commands of draw 0") == 1
+    assert {*re.findall('data-run="([^"]*)"', shown)} >= {
+        f"jsbsim:aerosonde / {x}" for x in ("yours", "ours")
+    }
+    assert "RC1_MIN" not in shown
+    assert "NAVL1_PERIOD" in shown
 
 
 def test_a_log_lies_between_the_flights_that_were_completed():
