@@ -1,6 +1,7 @@
 """What experiments on an aeroplane in closed form find: its lift, surfaces and engines."""
 
 import math
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from xml.etree.ElementTree import fromstring
@@ -545,3 +546,80 @@ def test_all_that_is_unusual_in_engines_is_noted_at_once():
 
     assert len(model.notes) == 4
     assert model.notes[2].endswith("its inner loop runs at 400 Hz")
+
+
+class Geared(Levered):
+    """A throttle whose position follows properties, which are 0, and the usual command."""
+
+    def __init__(self, position, *, read=(), defined=(), declared=(), values=()):
+        super().__init__(None, declared=declared, values=values)
+        self.position, self.defined = position, {*defined}
+        self.texts = set(), {survey.THROTTLE_POSITION, *read}
+
+    def load(self, **changed):
+        tables, throttle = self.tables | changed, 0.0
+        numbers = dict.fromkeys((*self.texts[1], *self.defined), 0.0)
+        numbers |= tables["declared"] | tables["settings"]
+
+        def accelerations(state):
+            nonlocal throttle
+            throttle = state.throttle
+
+        def reader(name):
+            if name == survey.THROTTLE_POSITION:
+                return lambda: self.position(lambda x: numbers[x], throttle)
+            return lambda: numbers[name]
+
+        fdm = SimpleNamespace(
+            shows=lambda _: True, has=numbers.__contains__, reader=reader, evaluate=lambda: None,
+            writer=lambda name: partial(numbers.__setitem__, name),
+        )  # fmt: skip
+        return SimpleNamespace(fdm=fdm, accelerations=accelerations)
+
+
+@pytest.mark.parametrize(
+    ("position", "asked", "found"),
+    [
+        # the usual command moves it, by more than a half
+        (lambda of, throttle: 0.3 + 0.51 * throttle, {"read": ["fcs/lever"]}, {}),
+        # levers do, of which one is read beside others that do not
+        (lambda of, throttle: 0.4 + 0.55 * of("fcs/lever") + 0.6 * of("a/lever") + of("x/y") / 3 + of("velocities/x"),
+         {"read": ["fcs/lever", "a/lever", "x/y", "velocities/x", "/other/lever"]},
+         {"command": "a/lever", "linked": {"fcs/lever": "ft/throttle-norm"}}),
+        # the usual command does where a switch is on, or a factor is not 0
+        (lambda of, throttle: 0.3 + 0.7 * throttle * of("systems/on"),
+         {"defined": ["systems/off", "systems/on"]}, {"settings": {"systems/on": 1.0}}),
+        (lambda of, throttle: throttle * of("/battery"), {"declared": ["/a", "/battery"]},
+         {"declared": {"/battery": 1.0}}),
+        # not if that is stated
+        (lambda of, throttle: throttle * of("/battery"), {"values": {"/battery": 0.0}}, {}),
+        (lambda of, throttle: throttle * of("systems/on"),
+         {"defined": ["systems/on"], "values": {"systems/on": 0.0}}, {}),
+        (lambda of, throttle: 0.2, {"read": ["fcs/lever"], "declared": ["/battery"]}, {}),
+    ],
+)  # fmt: skip
+def test_a_throttle_is_moved_by_its_command_by_levers_or_behind_a_switch(position, asked, found):
+    model = Geared(position, **asked)
+    before = {name: dict(model.tables[name]) for name in ("declared", "settings", "linked")}
+
+    model.find_throttle()
+
+    command = {"command": found["command"]} if "command" in found else {}
+    assert model.tables["engines"] == command
+    for name, table in before.items():
+        assert model.tables[name] == table | found.get(name, {})
+    names = (
+        {"a/lever, fcs/lever"} if command else {*found.get("settings", found.get("declared", ()))}
+    )
+    assert len(model.notes) == len(names)
+    assert all(name in note for name, note in zip(names, model.notes, strict=True))
+
+
+def test_a_throttle_whose_command_is_named_is_not_looked_for():
+    model = Geared(lambda of, throttle: of("fcs/lever"), read=["fcs/lever"])
+    model.tables["engines"]["command"] = "fcs/other"
+
+    model.find_throttle()
+
+    assert model.tables["engines"] == {"command": "fcs/other"}
+    assert not model.notes
