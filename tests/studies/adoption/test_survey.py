@@ -583,7 +583,8 @@ class Geared(Levered):
         # the usual command moves it, by more than a half
         (lambda of, throttle: 0.3 + 0.51 * throttle, {"read": ["fcs/lever"]}, {}),
         # levers do, of which one is read beside others that do not
-        (lambda of, throttle: 0.4 + 0.55 * of("fcs/lever") + 0.6 * of("a/lever") + of("x/y") / 3 + of("velocities/x"),
+        (lambda of, throttle: 0.4 + 0.55 * of("fcs/lever") + 0.6 * of("a/lever")
+         + 0.3 * of("x/y") + of("velocities/x"),
          {"read": ["fcs/lever", "a/lever", "x/y", "velocities/x", "/other/lever"]},
          {"command": "a/lever", "linked": {"fcs/lever": "ft/throttle-norm"}}),
         # the usual command does where a switch is on, or a factor is not 0
