@@ -590,6 +590,20 @@ def test_engines_stay_off_in_a_glide_and_inertias_that_no_body_has_are_named(own
     assert "it flies without an engine, about its steady glide" in found.notes
 
 
+def test_a_model_without_propulsion_has_no_engines_and_one_without_drag_no_largest(own, tmp_path):
+    def tables(*change):
+        return survey.wide_tables(str(own(*change)))
+
+    whole, without = tables(), tables("(?s)<propulsion>.*</propulsion>", "")
+    assert survey._engine_count(aircraft_from(without, tmp_path)) == 0
+    fdm = Fdm(aircraft_from(tables('(?s)<axis name="DRAG">.*?</axis>', ""), tmp_path))
+    Bench(fdm, 1000.0).accelerations(AirframeState(V_a=25.0))
+    name, share = survey._largest_drag(fdm)
+    assert (name, math.isnan(share)) == ("", True)
+    own()  # all of it again
+    assert survey._engine_count(aircraft_from(whole, tmp_path)) == 1
+
+
 @pytest.mark.soak
 def test_empty_tanks_are_said_unless_a_value_fills_them(tmp_path, surveyed):
     folder = shutil.copytree(Path(jsbsim.get_default_root_dir(), "aircraft/c172p"), tmp_path / "p")

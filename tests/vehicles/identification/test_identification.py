@@ -4,6 +4,7 @@ import json
 import math
 import re
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -312,3 +313,26 @@ def test_the_nearest_condition_counts_octaves_of_airspeed_and_degrees_of_climb()
     nearest = [conditions.index(of.nearest(*where)) for where in at]
 
     assert nearest == [0, 1, 0, 2, 1, 2]
+
+
+def test_files_of_a_model_that_changed_or_are_gone_are_named(tmp_path):
+    kept, changed, gone = (str(tmp_path / f"{name}.json") for name in ("kept", "changed", "gone"))
+    for path in (kept, changed, gone):
+        Path(path).write_text("{}")
+    known = {}
+    for path in (kept, changed, gone, "aerosonde"):
+        known |= file.files_of(path)
+    assert file.files_of(None) == {}
+    assert known[kept] == sha256(b"{}").hexdigest()
+    assert file.changed_files(known) == []
+
+    Path(changed).write_text("[]")
+    Path(gone).unlink()
+
+    assert file.changed_files(known | {"nothing": "0"}) == [changed, gone, "nothing"]
+
+
+def test_a_residual_of_logs_is_said_with_its_logs_and_stretches():
+    evidence = file.LogEvidence.model_construct(logs=("a.csv", "b.csv"), residual_stretches=7)
+
+    assert "in the 7 stretches of 5 s of a.csv, b.csv" in evidence.sentence
