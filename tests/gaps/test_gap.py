@@ -11,6 +11,7 @@ import pytest
 from claimed import claimed
 
 import flighttune as ft
+from flighttune.gaps import compare
 from flighttune.gaps.gap import Step
 from flighttune.outputs.answers.gap import causes
 from flighttune.outputs.pages import charts
@@ -208,6 +209,40 @@ def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
     assert "counted band, left" in [name for name, *_ in chart.legend]
     assert "nothing is claimed" not in chart.title
     assert "nothing is claimed" in charts.bound_chart(paper_gap, "chi").title
+
+
+class AboutAircraft:
+    """A claim about flights on some plants, around the error of their course."""
+
+    sentence = "the course stays within 0.1 rad of itself"
+
+    def __init__(self, *plants):
+        self.plants = plants
+
+    def why_not(self, run):
+        return "" if run.provenance.plant in self.plants else "it is another plant"
+
+    def on(self, run):
+        error = run.signals["chi_err"]
+        return claimed(run, chi_err=(error - 0.1, error + 0.1)).claims[0]
+
+
+def test_a_gap_has_claims_about_the_flight_of_the_aircraft_alone(paper_gap):
+    bounded = paper_gap.within(AboutAircraft(*RUNGS))
+
+    assert [len(run.claims) for run in bounded.runs] == [0, 0, 0, 1]
+    assert bounded.aircraft.claims[0].contains(bounded.aircraft.signals)
+    with pytest.raises(ft.InputError, match="it is another plant"):
+        paper_gap.within(AboutAircraft(*RUNGS[:-1]))
+
+
+def test_a_source_of_a_comparison_has_claims_about_each_run_that_they_cover(paper_gap):
+    source = compare.Source(name="rungs", runs=paper_gap.runs)
+
+    bounded = source.within(AboutAircraft(*RUNGS[1:3]), AboutAircraft(RUNGS[1]))
+
+    assert [len(run.claims) for run in bounded.runs] == [0, 2, 1, 0]
+    assert (bounded.name, bounded.chosen) == ("rungs", True)
 
 
 @pytest.mark.slow
