@@ -381,6 +381,21 @@ def test_one_wrong_column_of_a_few_is_said_with_its_cure(agreeing, there, name, 
     assert name in wrong.columns
 
 
+@pytest.mark.parametrize("seconds", [2.03, -2.03])
+def test_a_delay_that_is_possible_to_half_a_sample_is_not_what_is_said_of_a_wrong_unit(
+    agreeing, seconds
+):
+    """Delays of 2 s are possible, and told to 0.1 s."""
+    given = {x: agreeing[x] for x in ("phi", "V_a", "v_down")}
+
+    wrong = checks.judged(given | {"h": late(seconds)(agreeing["h"] / 0.3048)}, 0.1).wrong
+
+    assert wrong == [
+        "the slope of h is 3.28 times the value from the vertical speed: "
+        "a factor of 0.3048 would do (ft read as m)"
+    ]
+
+
 def test_a_large_error_of_height_in_feet_is_a_note_and_rates_of_zero_are_not_measured(agreeing):
     given = {x: agreeing[x] for x in ("phi", "V_a", "height_err", "v_down")}
 
