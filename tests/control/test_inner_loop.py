@@ -1,11 +1,13 @@
 """Lags against their transfer functions, and the map of the sampled loop against flights."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from printed import MODEL
+from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.control import inner_loop
@@ -165,3 +167,18 @@ def test_the_exact_law_flies_the_map_of_its_loop(lags, feedback):
 
     flight = flown(law, lags, 150)
     assert np.abs(flight - mapped(loop, 150, 0.0)).max() < NEAR * SMALL
+
+
+def test_a_flight_behind_lags_ends_where_its_plant_does():
+    """A pull of 4 g stands vertical after ``V/g`` times the integral of ``1/(4 - cos gamma)``."""
+    fast = ft.loop.InnerLag(order=1, natural_frequency=500.0)
+    plant = ft.loop.LaggedPlant(ft.loop.PointMassPlant(), (fast, fast))
+    plant.start(ft.loop.FlightCondition(V_a=25.0))
+    upright = quad(lambda gamma: 25.0 / 9.80665 / (4.0 - math.cos(gamma)), 0.0, 0.5 * math.pi)[0]
+
+    assert plant.advance(0.0, 4.0, 0.95 * upright) is None
+    stop = plant.advance(0.0, 4.0, 1.0)
+
+    assert stop.status == "left_envelope"
+    (t,) = re.search(r"at t = ([\d.]+) s", stop.reason).groups()
+    assert float(t) == pytest.approx(upright, abs=0.02)  # s: of a lag of 2 ms, in pieces of 10 ms
