@@ -487,6 +487,26 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
     ).sentence("x")
 
 
+def test_a_count_of_which_too_many_do_not_complete_claims_no_room_and_is_decided():
+    changes = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
+    room = count_on(TurnBack, turned_back(plan), [271.2, 3.4])
+    extremes = room.extremes.copy()
+    extremes[:3] = np.float32([-np.inf, np.inf])
+    ends = zip(room.draws.tolist(), ("no_trim", "ground_contact", "no_trim"), strict=False)
+    endings = [{"run": run, "status": status, "reason": "t = 0 s"} for run, status in ends]
+
+    lost = replace(room, extremes=extremes, endings=endings)
+
+    assert (room.claims, room.decided) == (True, False)
+    assert (lost.claims, lost.decided) == (False, True)
+    assert "takes 272 m beyond the corridor" in room.summary
+    said = "of 7 flights that turn back 3 did not complete, 2 of them without a steady flight at"
+    assert said in lost.summary
+    assert "1 of them ground contact" in lost.summary
+    assert lost.summary.endswith("at most 0 of 7 may.")
+
+
 def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     def plan(*waypoints):
         legs = [{"north_m": north, "east_m": east} for north, east in waypoints]

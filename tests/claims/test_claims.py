@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from commands import answer, flighttune
 from made_up import run_file, scenario_file
-from made_up_tubes import tube, tube_scenario
+from made_up_tubes import EXACT_PAPER, tube, tube_scenario
 
 import flighttune as ft
 
@@ -54,6 +54,23 @@ def test_a_run_keeps_the_tube_that_covers_it_and_is_the_same_when_read_again(pro
     assert again.sentence == claim.sentence == proven.sentence
     assert again.bounds.names == ("chi_err", "gamma_err")
     assert np.array_equal(again.bounds.pairs, claim.bounds.pairs)
+
+
+def test_a_tube_says_of_which_runs_it_is_none(proven):
+    (run,) = flown().runs
+    soft = replace(run.provenance, gains=ft.PIGains(K_P=0.5 * np.eye(2), K_I=0.1 * np.eye(2)))
+    exact = replace(run, provenance=replace(run.provenance, gains=EXACT_PAPER))
+    lost = replace(proven, status="unbounded", reason="roll is lost")
+    other_files = replace(proven, files={"aerosonde": "0" * 64})
+    ended = replace(run, signals=run.signals[:1], status="no_trim", reason="none")
+
+    assert proven.why_not(run) == ""
+    assert lost.why_not(run) == "the set is not bounded: roll is lost"
+    assert "files of aerosonde must be those" in other_files.why_not(run)
+    assert proven.why_not(ended).startswith("it did not fly: ")
+    assert proven.why_not(exact) == "its law must be paper, got exact"
+    assert proven.why_not(replace(run, provenance=replace(run.provenance, gains=None)))
+    assert proven.why_not(replace(run, provenance=soft)).startswith("its gains must be those")
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from made_up_band import (
     CONFIDENCE,
     FLIGHTS,
     LEARNED,
+    about_of,
     band_flights,
     count_of,
     plan_of_paper,
@@ -18,6 +19,7 @@ from made_up_band import (
 import flighttune as ft
 from flighttune.claims import counting, unfinished
 from flighttune.claims.band import RecordedSignals
+from flighttune.claims.counted import wind_at_start
 from flighttune.claims.monitor import Monitor, WatchedSignals
 from flighttune.gaps.watch import SignalModel
 
@@ -60,6 +62,43 @@ def test_a_count_names_gains_that_were_tuned_for_another_aircraft():
 )
 def test_a_count_is_of_its_plant_law_and_gains(plant, name, gains, says):
     assert band_flights(np.array([0.0, 1.0])).flown_otherwise(plant, name, gains) == says
+
+
+def test_flights_of_files_that_have_changed_are_of_another_aircraft():
+    flights = replace(band_flights(np.array([0.0, 1.0])), aircraft={"aerosonde": "0" * 64})
+
+    said = "the files of aerosonde are not those counted on"
+    assert flights.not_counted(made_up_scenario(), "kinematic", "paper") == said
+    with pytest.raises(ft.InputError, match="`aerosonde` must have the files"):
+        _ = flights.route
+
+
+def test_the_score_of_a_run_is_its_largest_distance_in_half_widths_of_its_window():
+    edges, measured = np.array([0.0, 1.0, 2.0]), RecordedSignals(units={"chi_err": "rad"})
+    kept = counting.Kept(measured=measured, edges=edges, windy=False)
+    about = about_of(
+        plan={},
+        signals={"chi_err": "rad"},
+        half=np.array([[0.1], [0.4]]),
+        coefficients=np.array([[[0.05], [0.0]]]),
+    )
+    t = np.arange(9) / 4.0
+    run = made_up_run({"chi_err": np.where(t < 0.9, -0.25, 0.5)}, t)
+
+    # 0.45 and 0.30 in the first window, which ends with the first sample of the second
+    assert counting.score(kept, about, run, made_up_scenario()) == pytest.approx(4.5)
+    later = made_up_run({"chi_err": np.where(t < 1.1, 0.05, 0.5)}, t)
+    assert counting.score(kept, about, later, made_up_scenario()) == pytest.approx(1.25)
+
+
+@pytest.mark.parametrize(("speed", "from_deg"), [(None, 0.0), (3.0, 250.0), (5.0, 0.0)])
+def test_the_wind_at_the_start_blows_from_where_it_comes(speed, from_deg):
+    wind = {} if speed is None else {"wind": {"speed_mps": speed, "from_deg": from_deg}}
+    scenario = made_up_scenario(**wind)
+
+    away = -(speed or 0.0) * np.exp(1j * np.deg2rad(from_deg))
+    expected = (away.real, away.imag)
+    assert tuple(wind_at_start(scenario)) == pytest.approx(expected, abs=1e-12)
 
 
 def run_of(scenario=None, status="completed", gains=GAINS):

@@ -49,6 +49,11 @@ def spoken(*disperse, **tables):
         ([], route_at(27, 23, holds_airspeed=False), "at 25 m/s in calm air"),
         ([], {**route_at(), "route": None, "reference": V_RAMP}, "at 25 to 28 m/s in calm air"),
         ([], {"wind": WIND}, "in wind 6 m/s from 250 deg"),
+        (
+            [uniform("gust.peak_mps", 2.0, 5.0)],
+            {"gust": {"axis": "right", "start_s": 1.0, "peak_mps": 3.0, "length_m": 50.0}},
+            "in a gust of 2 to 5 m/s (right)",
+        ),
         ([uniform("wind.speed_mps", 0.0, 8.0)], {"wind": WIND}, "wind 0 to 8 m/s from 250 deg"),
         (
             [one_of("turbulence.intensity", "light", "severe")],

@@ -755,7 +755,7 @@ def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flo
     claim = counted_again()
     again.clear()
 
-    verified = claim.verify(count, Fliers(workers=1))
+    verified = ft.verify(claim, count=count, workers=1).verification
 
     assert verified.valid
     assert [stage for stage, *_ in again] == [f"stage {i} of 3, " for i in (1, 2, 3)]
