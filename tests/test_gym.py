@@ -335,3 +335,37 @@ def test_what_cannot_be_asked_in_flight_is_refused(asked, words):
 
     with pytest.raises(ft.InputError, match=words):
         asked(env, before)
+
+
+@pytest.mark.slow
+def test_a_draw_that_cannot_start_is_replaced_unless_it_is_asked_for_or_all_are_such(tmp_path):
+    """The Aerosonde starts at 15 m/s or faster."""
+
+    def drawn(low, high):
+        file = tmp_path / "drawn.toml"
+        file.write_text(
+            'title = "drawn"\nscenario = "level_turn"\nruns = 40\n[[disperse]]\n'
+            'key = "flight.V_a_mps"\ndistribution = "uniform"\n'
+            f"lower = {low}\nupper = {high}\n"
+        )
+        scenario = ft.load_scenario("level_turn", changes={"gains": ["paper"]})
+        return ft.gym.FlightEnv(ft.load_campaign(file, scenario))
+
+    env = drawn(10.0, 20.0)
+    begun = {}
+    for seed in range(12):
+        _, info = env.reset(seed=seed)
+        begun[info["draw"]] = env.scenario.flight.V_a_mps
+        assert env.scenario.seed == info["seed"]
+    refused = set()
+    for draw in range(20):
+        try:
+            env.reset(options={"draw": draw})
+        except ft.ScenarioError:
+            refused.add(draw)
+        else:
+            assert begun.get(draw, 15.0) >= 15.0
+    assert refused
+    assert not refused & begun.keys()
+    with pytest.raises(ft.ScenarioError, match="15 to 45"):
+        drawn(10.0, 14.0).reset(seed=1)

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from places import SHIPPED_AIRCRAFT
-from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.flight.load import check_scenario, route_scenario
@@ -234,17 +233,3 @@ def test_a_route_of_an_aircraft_without_an_engine_is_as_steep_as_its_glide(glide
     check(glide - 0.2)
     with pytest.raises(ft.ScenarioError, match="must have an engine for a route"):
         check(glide + 0.3)
-
-
-def test_an_airspeed_that_no_thrust_holds_is_flown_from_the_start(tmp_path):
-    """The largest of the mission, where the aircraft is known as its lags alone."""
-    items = [waypoint(47.4, 8.5, 60), item(178, 0, 31.5, -1, 0, 0, 0, 0, frame=2)]
-    items += [waypoint(47.42, 8.5, 60), item(178, 0, 28.0, -1, 0, 0, 0, 0, frame=2)]
-    file = plan_file(tmp_path / "m.plan", *items, waypoint(47.44, 8.5, 60))
-    model = tmp_path / "lags.json"
-    ft.loop.load_identified("aerosonde").save(model)
-
-    for changes, V_a in (({}, 31.5), ({"flight.V_a_mps": 27.0}, 27.0)):
-        made = route_scenario(file, read_route(file), str(model), changes)
-        assert made.flight.V_a_mps == V_a
-        assert made.route.airspeed_assumed is None
