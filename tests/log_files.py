@@ -162,6 +162,27 @@ def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False, ev
     return path
 
 
+def straight_log(path, parameters, **ends):
+    """A log of half a minute straight on with parameters, and signals from 0 to these ends."""
+    t = np.linspace(0.0, 30.0, 601)
+    still = dict.fromkeys(("phi", "gamma", "chi", "phi_cmd", "east", "down"), 0.0 * t)
+    level = {
+        "V_a": 25.0 + 0.0 * t,
+        "north": 25.0 * t,
+        "n_z": 1.0 + 0.0 * t,
+        "n_z_cmd": 1.0 + 0.0 * t,
+    }
+    write_dataflash(path, t, still | level | {name: x * t / t[-1] for name, x in ends.items()})
+    with path.open("ab") as log:
+        log.write(
+            b"\xa3\x95"
+            + struct.pack("<BBB4s16s64s", 128, 200, 31, b"PARM", b"QNf", b"TimeUS,Name,Value")
+        )
+        for name, value in parameters.items():
+            log.write(b"\xa3\x95" + struct.pack("<BQ16sf", 200, 10**6, name.encode(), value))
+    return str(path)
+
+
 def _format(number, length, name, layout, columns):
     body = struct.pack(
         "<BB4s16s64s", number, length, name.encode(), layout.encode(), columns.encode()

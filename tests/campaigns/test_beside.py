@@ -3,7 +3,6 @@
 import math
 import re
 import signal
-import struct
 import subprocess
 import sys
 
@@ -12,7 +11,7 @@ import pandas as pd
 import pytest
 from commands import flighttune
 from flown_campaigns import flown_here
-from log_files import sampled, write_dataflash
+from log_files import sampled, straight_log, write_dataflash
 from made_up import made_up_run, scenario_tables
 from scipy.stats import binomtest
 
@@ -409,27 +408,6 @@ def test_changes_of_airspeed_are_refused_with_the_key_that_leaves_them_out(tmp_p
         with pytest.raises(ft.InputError, match=f"must be flown at one airspeed.* {cure}"):
             beside.check_one_airspeed(place, scenario)
     beside.check_one_airspeed("level_turn", ft.load_scenario("level_turn"))
-
-
-def straight_log(path, parameters, **ends):
-    """A log of half a minute straight on with parameters, and signals from 0 to these ends."""
-    t = np.linspace(0.0, 30.0, 601)
-    still = dict.fromkeys(("phi", "gamma", "chi", "phi_cmd", "east", "down"), 0.0 * t)
-    level = {
-        "V_a": 25.0 + 0.0 * t,
-        "north": 25.0 * t,
-        "n_z": 1.0 + 0.0 * t,
-        "n_z_cmd": 1.0 + 0.0 * t,
-    }
-    write_dataflash(path, t, still | level | {name: x * t / t[-1] for name, x in ends.items()})
-    with path.open("ab") as log:
-        log.write(
-            b"\xa3\x95"
-            + struct.pack("<BBB4s16s64s", 128, 200, 31, b"PARM", b"QNf", b"TimeUS,Name,Value")
-        )
-        for name, value in parameters.items():
-            log.write(b"\xa3\x95" + struct.pack("<BQ16sf", 200, 10**6, name.encode(), value))
-    return str(path)
 
 
 def test_signals_of_a_log_are_kept_with_the_parameters_that_differ_from_those_flown_now(

@@ -12,7 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import flighttune
-from log_files import sampled, write_dataflash
+from dispersed import plan_of, tables_of, uniform
+from flown_campaigns import flown_here
+from log_files import sampled, straight_log, write_dataflash
 from made_up import made_up_run
 from places import SHIPPED_SCENARIOS
 
@@ -29,6 +31,7 @@ from flighttune.logs.parameters import flown_now
 from flighttune.outputs.answers import retuned
 from flighttune.studies import retune
 
+BEND = (0.0, 0.0), (100.0, 0.0), (200.0, 80.0)
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 PX4 = (
@@ -641,6 +644,73 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
     (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\nROLL_LIMIT_DEG,45\n")
     (tmp_path / "other.param").write_text("TECS_SPDWEIGHT,1\nROLL_LIMIT_DEG,45\n")
     assert words in " ".join(flighttune("meet", *options, status=2)[1].split())
+
+
+@pytest.fixture
+def bettered(tmp_path, monkeypatch):
+    """A slow period, bettered on the lags of an aircraft in a bend, beside a log off the track."""
+    monkeypatch.setattr(retune, "DRAWS", 1)
+    monkeypatch.setattr(retune, "FINAL_DRAWS", 1)
+    slow = tmp_path / "slow.params"
+    slow.write_text("".join(PX4.format(80.0).splitlines(keepends=True)[:4]))  # nothing of height
+    log = straight_log(tmp_path / "log.bin", {}, cross_track=40.0, height_err=0.0)
+    tables = tables_of(
+        ({"kind": "point_mass_lag", "identified": "aerosonde"},),
+        route={"waypoint": [{"north_m": n, "east_m": e} for n, e in BEND]},
+        flight={"V_a_mps": 25.0, "duration_s": 14.0, "h_m": 500.0},
+        controller={"rate_hz": 10.0, "feed_forward": True},
+    )
+    del tables["reference"]
+    wind = uniform("wind.speed_mps", 0.0, 3.0), uniform("wind.from_deg", 0.0, 359.0)
+    with flown_here():
+        return ft.meet(
+            ft.flights(plan_of(tables, *wind)),
+            autopilot=slow,
+            flights=6,
+            budget=26,
+            workers=1,
+            log=log,
+        )
+
+
+@pytest.mark.slow
+def test_what_betters_a_slow_period_is_counted_on_fresh_draws_and_written(bettered, tmp_path):
+    now, period = bettered.start.law.parameters, bettered.best.law.parameters["NPFG_PERIOD"]
+    both = dict(iter(bettered.rows.groupby("gains")))
+
+    assert period < now["NPFG_PERIOD"] == 80.0
+    assert bettered.changes.items() <= bettered.best.law.parameters.items()
+    assert all(now[name] != value for name, value in bettered.changes.items())
+    assert {"NPFG_PERIOD", "NPFG_DAMPING"} >= {*bettered.changes}
+    assert {"NPFG_PERIOD": "period", "NPFG_DAMPING": "damping"}.items() <= bettered.searched.items()
+    # six of six draws: the lower end of 95 % is 0.025^(1/6) = 0.541
+    assert bettered.better
+    assert bettered.sure_from == 6
+    drawn = [both[name][[*bettered.plan.keys]].to_numpy() for name in ("yours", "tuned")]
+    assert (drawn[0] == drawn[1]).all()
+    assert len({*map(tuple, drawn[0])}) == 6
+    cross, *_ = bettered.accuracy
+    for name, rows in both.items():
+        assert cross[name] == rows["flight.cross_track_m"].max()
+    assert (cross["better"], cross["flights"]) == (6, 6)
+    # the start and 8 candidates on one draw, the start and 4 finalists on another, 6 draws of both
+    assert (bettered.candidates, bettered.finalists) == (9, 4)
+    assert bettered.flights == 9 + 5 + 12 - 1
+    (of_log, *_) = bettered.tracking
+    assert of_log["log"] == pytest.approx(0.95 * 40.0, rel=0.01)
+    assert of_log["high"] < 10.0
+    assert any("outside of" in note and "cross track" in note for note in bettered.notes)
+
+    out = bettered.save_parameters(tmp_path / "tuned.params")
+    assert flown_now(out).law.parameters["NPFG_PERIOD"] == pytest.approx(period)
+    lines = [[*path.read_text().splitlines()] for path in (bettered.file, out)]
+    old, new = ([x for x in text if not x.startswith("# ")] for text in lines)
+    assert sum(a != b for a, b in zip(old, new, strict=True)) == len(bettered.changes)
+    of_log = replace(bettered, file=tmp_path / "flown.ULG")
+    text = of_log.save_parameters(tmp_path / "new.params").read_text()
+    assert {x.split("\t")[2] for x in text.splitlines() if x[0] != "#"} == {*bettered.changes}
+    with pytest.raises(ft.InputError, match="must be better to be written: slower"):
+        replace(bettered, against=("slower",)).save_parameters(out)
 
 
 @pytest.mark.soak
