@@ -251,7 +251,7 @@ def one_worker(**by):
 def flown_here(rows=rows_flown):
     """Fly in this process, without workers."""
 
-    def flown(pool, plan, runs, doing, **options):
+    def flown(pool, plan, runs, doing="flying", **options):
         made = list(rows(plan, runs, **options))
         pool.progress.compiled += compiled_in(made)
         return made

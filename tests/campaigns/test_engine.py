@@ -12,6 +12,7 @@ from flown_campaigns import (
     Notes,
     bits,
     children,
+    flown_here,
     one_worker,
     plan,
     table_flown,
@@ -19,6 +20,7 @@ from flown_campaigns import (
 )
 
 import flighttune as ft
+from flighttune.base.errors import StoppedError
 from flighttune.campaigns.engine import pool
 
 pytestmark = pytest.mark.slow
@@ -106,9 +108,9 @@ def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
         ft.run_campaign(ours, tmp_path / "out")
 
 
-def asking(folder, share, top=""):
+def asking(folder, share, **settings):
     """A campaign whose gains `paper` succeed on every draw and whose gains `soft` on none."""
-    file = write_campaign(folder, runs=1000, duration=5.0, wind="", aircraft=(), top=top)
+    file = write_campaign(folder, runs=1000, duration=5.0, wind="", aircraft=(), **settings)
     success = '[[success]]\ngains = "soft"\nat_most.chi.peak_deg = 1e-6\n'
     file.write_text(file.read_text().replace("[keep]", f"{success}[keep]"))
     return ft.plan_campaign(ft.load_campaign(file, until_sure=share))
@@ -151,17 +153,38 @@ def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
         ft.run_campaign(asking(tmp_path, 0.9), out, resume=True)
 
 
-@pytest.mark.soak
 def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
-    ours, out = asking(tmp_path, 0.5), tmp_path / "out"
+    ours, out = asking(tmp_path, 0.5, keep="failures = 0\nworst = 0\nsample = 0"), tmp_path / "out"
 
-    short = ft.run_campaign(ours.with_runs(10), out, workers=1)
-    done = ft.run_campaign(ours.with_runs(12), out, workers=1, resume=True)
+    with flown_here():
+        short = ft.run_campaign(ours, out, runs=10)
+        done = ft.run_campaign(ours.with_runs(1000), out, resume=True)
 
-    # With n of n the integral of (2 (1 - q))^n as above is 21 at n = 5 and 41 at n = 6.
-    assert (short.runs, short.sure["kinematic / paper"]) == (10, "")
+    # With n of n the integral of (2 (1 - q))^n as above is 21 at n = 5 and 41 at n = 6. It is
+    # looked at every 12 draws.
+    assert (short.planned, short.interrupted) == (10, False)
+    assert short.sure["kinematic / paper"] == ""
     assert "It is not sure whether at least 50 % of the flights" in short.answer().failure
-    assert (done.runs, done.sure["kinematic / paper"]) == (12, "yes")
+    assert (done.sure["kinematic / paper"], done.sure["kinematic / soft"]) == ("yes", "no")
+    rows = ft.load(out).rows()
+    assert sorted(rows.column("run").to_pylist()) == list(range(2 * 12))
+    succeeded = {group["group"]: group["succeeded"] for group in done.by_group}
+    assert succeeded == {"kinematic / paper": 12, "kinematic / soft": 0}
+
+
+def test_a_campaign_that_is_stopped_says_so_and_one_without_runs_is_refused(tmp_path):
+    def stop(plan, runs, **options):
+        raise StoppedError("the observer stopped the flights.")
+
+    ours, out = plan(tmp_path, runs=4, wind="", aircraft=()), tmp_path / "out"
+    with pytest.raises(ft.InputError, match="`runs` must be at least 1, got 0"):
+        ft.run_campaign(ours, out, runs=0)
+
+    with flown_here(stop):
+        stopped = ft.run_campaign(ours, out)
+
+    assert stopped.interrupted
+    assert (stopped.runs, stopped.planned) == (0, 4)
 
 
 @pytest.mark.parametrize(
