@@ -27,6 +27,8 @@ from flighttune.outputs.answers import (
 )
 from flighttune.outputs.answers import run as run_answers
 from flighttune.outputs.drawing.palette import LineStyle
+from flighttune.studies.adoption import adopt
+from flighttune.studies.adoption.survey import SwitchedOff
 
 DEG = math.pi / 180.0
 
@@ -523,3 +525,42 @@ def test_a_worst_flight_that_leaves_its_tube_contradicts_its_proof(
     assert said.tables[0].title == f"worst {metric} in 40 flights"
     # a flight is repeated with all digits of its seed
     assert [row["value"] for row in said.tables[1].records] == ["123456789", 2.0]
+
+
+def test_an_adoption_is_said_with_its_glide_and_what_its_model_lacks(tmp_path):
+    flown = {
+        name: {"gains": name, "status": "completed", "ITAE": {"chi": 1.0, "gamma": 2.0}}
+        | {"ST_deg": {"chi": 0.25, "gamma": 0.5}}
+        for name in ("tuned", "paper")
+    }
+    part = SwitchedOff("aero/drag/flaps", ("fcs/flaps",), "drag", 0.25)
+    made = adopt.Adoption(
+        name="x", status="adopted", folder=tmp_path, V_a=25.4, engines=1, flown=flown,
+        fit_percent={"phi": 97.0, "n_z": 95.0}, glide_ratio=12.34, seconds=61.6,
+        largest_drag=("aero/drag/basic", 0.625), switched_off=(part,),
+    )  # fmt: skip
+
+    said = made.answer()
+
+    assert said.verdict == (
+        "adopted in 62 s, with a glide ratio of 12.3 at 25 m/s (62 % of the drag is "
+        "aero/drag/basic), without aero/drag/flaps (with 1 up to 25 % of the drag)"
+    )
+    assert said.failure == ""
+    assert said.files["scenario"] == tmp_path / "turn.toml"
+    assert said.values["largest_drag"] == {"aero/drag/basic": 0.625}
+    assert said.values["V_a_mps"] == 25.4
+    (table,) = said.tables
+    assert table.title == "x at 25 m/s: course of 20 deg, climb of 3 deg"
+    assert [row["gains"] for row in table.records] == ["tuned", "paper"]
+    assert len(said.notes) == 1
+    plain = replace(
+        made, status="refused", reason="it stalls", folder=None, switched_off=(), engines=0,
+        glide_ratio=math.nan, largest_drag=("", math.nan),
+    ).answer()  # fmt: skip
+    assert plain.verdict == "refused in 62 s"
+    assert plain.failure == "refused: it stalls"
+    assert plain.files["scenario"] is None
+    assert plain.notes == []
+    assert plain.values["largest_drag"] == {}
+    assert "steeper glide of 3 deg" in plain.tables[0].title
