@@ -199,6 +199,8 @@ def test_an_airspeed_is_copied_where_it_is_the_ground_speed_in_flight(V_a, V_g, 
     columns["V_a"] = np.where(on_ground, 0.9, V_a)
 
     assert relations.copied(relations.Motion(columns, 0.1)) == same
+    alone = {name: columns[name] for name in ("phi", "V_a")}
+    assert not relations.copied(relations.Motion(alone, 0.1))
 
 
 @pytest.mark.parametrize("heading", [True, False])

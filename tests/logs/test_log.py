@@ -150,6 +150,32 @@ def test_a_dataflash_log_that_was_converted_to_text_is_read(tmp_path):
     assert signals["phi_cmd"][10.0] == pytest.approx(np.deg2rad(12.0))
 
 
+def test_the_part_of_a_log_in_a_flight_mode_has_the_times_of_that_mode_alone(tmp_path):
+    """ArduPlane's mode 10 is AUTO, 5 is FBWA: FBWA, AUTO, FBWA and AUTO for 5 s each."""
+    lines = [
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        "FMT, 1, 17, ATT, Icccc, TimeMS,DesRoll,Roll,Pitch,Yaw",
+        "FMT, 2, 30, GPS, BIHff, Status,TimeMS,Week,Spd,GCrs",
+        "FMT, 3, 20, MODE, IB, TimeMS,Mode",
+        *(f"MODE, {5000 + 5000 * k}, {(5, 10)[k % 2]}" for k in range(4)),
+        *(f"ATT, {5000 + 100 * i}, 12.00, {0.1 * i:.2f}, 2.00, 90.00" for i in range(200)),
+        *(f"GPS, 3, {5000 + 200 * i}, 1800, 22.0, 90.0" for i in range(100)),
+    ]
+    path = tmp_path / "modes.log"
+    path.write_text("\n".join([*lines, ""]))
+
+    part = ft.load(f"{path}@auto")
+
+    phi = np.degrees(part.signals["phi"].to_numpy())
+    t = part.t - part.t[0]
+    assert t[-1] == pytest.approx(14.9, abs=0.11)  # from the first to the end of the last
+    in_auto = (t < 4.95) | (t > 10.05)
+    assert phi[in_auto] == pytest.approx(5.0 + t[in_auto], abs=0.11)
+    assert np.isnan(phi[(t > 5.05) & (t < 9.95)]).all()
+    with pytest.raises(ft.InputError, match="which has FBWA, AUTO, got 'LAND'"):
+        ft.load(f"{path}@LAND")
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("form", [{"sep": ";", "decimal": ","}, {"sep": ";"}, {"sep": "\t"}])
 def test_a_table_has_commas_semicolons_or_tabs_between_its_cells(table, form):

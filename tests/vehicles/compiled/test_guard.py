@@ -14,7 +14,7 @@ from places import SHIPPED_AIRCRAFT
 
 from flighttune.base.files.table import toml_tables
 from flighttune.vehicles.aircraft import aircraft
-from flighttune.vehicles.compiled import cache, components, face, machine, rigid_body, run
+from flighttune.vehicles.compiled import cache, check, components, face, machine, rigid_body, run
 from flighttune.vehicles.compiled.face import CompiledStep, Refusal, compiled
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.step import Names
@@ -121,6 +121,15 @@ def test_what_the_step_does_not_know_is_refused_by_name(tmp_path, change, reason
 
     assert isinstance(refusal, Refusal)
     assert re.search(reason, refusal.reason)
+
+
+def test_an_aircraft_without_a_design_is_checked_amid_its_envelope():
+    config = aircraft.load_aircraft("aerosonde")
+    low, high = config.envelope.V_a
+
+    assert check._design(config) == (config.design.V_a, config.design.h)
+    V_a, h = check._design(config.model_copy(update={"design": None}))
+    assert (V_a, h) == (pytest.approx((low + high) / 2.0), 1000.0)
 
 
 def test_on_other_platforms_jsbsim_flies(monkeypatch):

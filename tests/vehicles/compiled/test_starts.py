@@ -132,31 +132,31 @@ def test_masses_are_those_of_jsbsim(name):
         assert J[i, j] == sign * shown(f"inertia/i{axes}-slugs_ft2"), axes
 
 
-def test_a_filter_of_the_model_begins_as_in_jsbsim(tmp_path):
-    lag = '<lag_filter name="l"><input>aero/alpha-rad</input><c1>5</c1></lag_filter>'
+ALPHA = "<input>aero/alpha-rad</input>"
+DELAY = f'<sensor name="late">{ALPHA}<delay>0.02</delay></sensor>'
+PLAY = f'<actuator name="play">{ALPHA}<hysteresis_width>0.1</hysteresis_width></actuator>'
+
+
+def aerosonde_with(folder, *parts):
+    """The Aerosonde with components in front of its aerodynamics."""
 
     def change(text):
-        system = f'<system name="more"><channel name="more">{lag}</channel></system>'
+        system = f'<system name="more"><channel name="more">{"".join(parts)}</channel></system>'
         return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
 
-    config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
+    return load_aircraft(changed_aerosonde(folder, change))
+
+
+def test_filters_delays_and_play_of_the_model_begin_as_in_jsbsim(tmp_path):
+    lag = f'<lag_filter name="l">{ALPHA}<c1>5</c1></lag_filter>'
+    config = aerosonde_with(tmp_path / "aircraft", lag, DELAY, PLAY)
 
     assert differing_at_start(config, ft.loop.FlightCondition(V_a=25.0, h=900.0, gamma=0.02)) == []
 
 
 @pytest.mark.soak
 def test_delays_and_play_of_a_model_start_without_jsbsim_and_a_gust_comes_at_its_time(tmp_path):
-    alpha = "<input>aero/alpha-rad</input>"
-    parts = (
-        f'<sensor name="late">{alpha}<delay>0.02</delay></sensor>',
-        f'<actuator name="play">{alpha}<hysteresis_width>0.1</hysteresis_width></actuator>',
-    )
-
-    def change(text):
-        system = f'<system name="more"><channel name="more">{"".join(parts)}</channel></system>'
-        return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
-
-    config = load_aircraft(changed_aerosonde(tmp_path / "aircraft", change))
+    config = aerosonde_with(tmp_path / "aircraft", DELAY, PLAY)
     gust = air.Gust(axis="right", peak=3.0, start=1.3, rise=0.7, hold=0.4)
     condition = ft.loop.FlightCondition(V_a=26.0, h=900.0, chi=0.4, gamma=0.03, phi=0.2)
 
