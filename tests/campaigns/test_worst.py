@@ -123,6 +123,15 @@ def test_a_start_on_its_reference_has_nothing_to_settle_and_is_not_the_worst():
     assert values(near)[1] == -worst_module.FAILED
 
 
+def test_a_flight_without_the_value_of_another_measure_is_the_worst():
+    row = {"status": "completed", "plant": "kinematic", "gains": "soft", "chi.PT_s": None}
+    row |= {"chi.peak_rad": 0.0}
+
+    value = worst_module.value_of(row, "chi.PT_s", small_plan().scenario)
+
+    assert value == worst_module.FAILED
+
+
 @pytest.mark.parametrize(("completed", "worst"), [(False, 1), (True, 2)])
 def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
     ends = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]

@@ -18,7 +18,7 @@ import flighttune as ft
 from flighttune.outputs.paper import reproduce
 from flighttune.studies.paper import claims
 from flighttune.studies.paper import parameters as printed
-from flighttune.studies.paper.study import Study
+from flighttune.studies.paper.study import Study, rank_correlation
 
 pytestmark = pytest.mark.slow
 
@@ -160,6 +160,28 @@ def test_what_a_claim_asks_of_steps_is_said(must, asked, holds):
     assert check.expected == f"{asked} of 4 steps"
     assert check.computed == "3 of 4 steps"
     assert check.holds == holds
+
+
+def test_a_finding_states_what_is_compared_by_label_or_what_is_missing():
+    checks = claims.Check("a", "≤ 1", 0.5, True), claims.Check("b", 2.0, "3 of 4 steps", False)
+    compared = claims.Finding("x", "text", "place", checks)
+
+    assert compared.expected == {"a": "≤ 1", "b": 2.0}
+    assert compared.computed == {"a": 0.5, "b": "3 of 4 steps"}
+    assert compared.verdict == "partly"
+    alone = claims.Finding("x", "text", "place", (), missing="the disturbances")
+    assert alone.computed == {"missing": "the disturbances"}
+    assert alone.verdict == "not checkable"
+    assert [claims.text_of(x) for x in (1.0 / 3.0, "4 of 9")] == ["0.33333", "4 of 9"]
+
+
+def test_ranks_correlate_by_order_alone_and_not_with_a_constant():
+    x, y = pd.Series([1.0, 2.0, 3.0]), pd.Series([1.0, 10.0, 11.0])
+
+    assert rank_correlation(x, y) == pytest.approx(1.0)
+    assert rank_correlation(x, -(y**3)) == pytest.approx(-1.0)
+    assert rank_correlation(x, 0.0 * x) == 0.0
+    assert rank_correlation(0.0 * x, x) == 0.0
 
 
 def test_every_claim_is_judged_somewhere():

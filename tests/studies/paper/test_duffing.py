@@ -102,3 +102,21 @@ def test_smoothness_alone_proves_the_condition_in_a_smaller_disc():
     assert np.max(apart / np.linalg.norm(x - y, axis=1)) <= PRINTED.smoothness(r)
     assert PRINTED.margin(r) > 0.0
     assert r < PRINTED.region
+
+
+@pytest.mark.slow
+def test_the_table_of_the_family_has_the_theorem_and_the_runs_under_noise(study):
+    table, noise = study.duffing.table, study.duffing.noise
+    rate, radius = PRINTED.bound(L_D)
+
+    row = table.loc[0.5]
+    assert [*table.index] == [0.2, 0.35, 0.5, 0.75, 1.0, 1.5]
+    assert table["beta"].to_numpy() == pytest.approx(table.index.to_numpy() / 2.0)
+    assert (table["delta"] == 1.5).all()
+    assert (row["R_f"], row["I_f"]) == pytest.approx((rate, radius))
+    assert row["region"] == pytest.approx(PRINTED.region)
+    x1, x2 = np.moveaxis(duffing.paths(PRINTED, X_0, noise, hold=0.1), -1, 0)
+    size = np.hypot(x2, 1.5 * x2 + 0.5 * x1 + 0.25 * x1**3)
+    runs = size.T  # one row each
+    assert row["mean"] == pytest.approx(np.mean([run.mean() for run in runs]))
+    assert row["std"] == pytest.approx(np.mean([run.std() for run in runs]))
