@@ -127,3 +127,25 @@ def test_a_half_width_has_no_digits_that_nobody_needs(deg, text):
     (column,) = labels.columns("end", of="tube")
 
     assert column.text({"end": deg}) == text
+
+
+def test_a_measure_of_the_airspeed_is_in_metres_per_second():
+    """The integral of ``t |e|`` of an angle is in rad s², of an airspeed in m/s s²."""
+    angle, speed = (labels.metric_label(f"{x}.ITAE", {x: x}) for x in ("chi", "V"))
+
+    assert angle.unit.startswith("rad")
+    assert speed.unit == angle.unit.replace("rad", "m/s")
+    assert speed.factor == 1.0
+
+
+def test_a_column_of_a_channel_has_its_symbol_and_the_unit_of_its_measure():
+    (column,) = labels.columns("metrics.chi.MO_rad")
+
+    assert column.name.endswith(" χ")
+    assert column.unit == "deg"
+    assert float(column.text({"metrics": {"chi": {"MO_rad": 0.1}}})) == pytest.approx(
+        5.73, abs=5e-3
+    )
+    (plain,) = labels.columns("metrics.all.MO_rad")
+    assert (plain.key, plain.unit) == ("metrics.all.MO_rad", "deg")
+    assert "χ" not in plain.name

@@ -81,3 +81,29 @@ def test_eigenvalues_and_the_imaginary_axis_are_inside_their_chart(values):
 
     assert low < min(0.0, *values)
     assert high > max(0.0, *values)
+
+
+def test_gain_margins_are_drawn_in_decibels_where_the_curve_is_nearest(level):
+    """A factor of 2 is 6.0 dB; on the Nyquist chart it is at -1/2, and one of a half at -2."""
+    gains = ft.PIGains(K_P=np.diag([0.4, 0.4]), K_I=np.diag([2.0, 2.0]))
+    cut = margins.Margins(
+        loop="phi", gain_decrease=0.5, gain_increase=2.0, phase_margin=math.inf, delay_margin=1.0
+    )
+    none = margins.Margins(
+        loop="n_z", gain_decrease=0.0, gain_increase=math.inf, phase_margin=math.inf,
+        delay_margin=math.inf,
+    )  # fmt: skip
+
+    magnitude, _, nyquist, _ = loop_charts(level, gains, [cut, none])
+
+    words = [name for name, *_ in magnitude.legend if name.startswith("gain margin")]
+    assert words == ["gain margin +6.0 dB", "gain margin -6.0 dB"]
+    marks = [(float(x[0]), float(y[0])) for x, y in magnitude._seen if len(x) == 1 and x[0] > 0.0]
+    for (omega, decibel), at in zip(marks, (-0.5, -2.0), strict=True):
+        s = 1j * np.array([omega / 1.2, omega, 1.2 * omega])
+        L = G / V * (0.4 * s + 2.0) / s**2
+        assert np.argmin(np.abs(L - at)) == 1
+        assert decibel == pytest.approx(20.0 * math.log10(abs(L[1])))
+    assert [(float(x[0]), float(y[0])) for x, y in nyquist._seen if len(x) == 1][-2:] == [
+        (-0.5, 0.0), (-2.0, 0.0)
+    ]  # fmt: skip
