@@ -1,12 +1,15 @@
 """Charts of counts hold the band, its flights inside and outside, and the room to turn back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up_band import count_of
 
 import flighttune as ft
-from flighttune.claims import counted_flights
+from flighttune.claims import counted_flights, mission
 from flighttune.claims.turn_back import TurnBack
+from flighttune.outputs.answers import mission as answers
 from flighttune.outputs.pages import counted
 
 LARGEST = 5.0, 2.0  # m: cross track and height of a flight at the edge of the band
@@ -102,3 +105,23 @@ def test_the_room_to_turn_back_is_drawn_around_the_flights_that_stayed_in_it(cou
     assert edge_y == pytest.approx([room.room.height, room.room.height, 0.0])
     # in whole metres, rounded up
     assert (room.room.from_route, room.room.height) == (272.0, 4.0)
+
+
+def test_a_mission_with_a_room_spends_the_confidence_of_both(counts):
+    band, room = counts
+
+    said = mission.MissionOdds(band=band, files={}).with_room(room).answer()
+
+    assert said.values["confidence"] == pytest.approx(band.confidence + room.confidence - 1.0)
+    assert said.values["turn_back"]["terms"] == room.terms(band)
+    (terms,) = answers.terms_table(room, band)
+    assert terms.title == answers.TERMS
+    assert terms in said.tables
+    assert said.failure == ""
+    alone = mission.MissionOdds(band=band, files={}).answer()
+    assert "turn_back" not in alone.values
+    lost = replace(room, extremes=np.full_like(room.extremes, np.nan))
+    assert not lost.claims
+    assert answers.terms_table(lost, band) == []
+    failed = mission.MissionOdds(band=band, files={}).with_room(lost).answer()
+    assert failed.failure.startswith("room to turn back: ")
