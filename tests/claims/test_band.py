@@ -318,6 +318,19 @@ def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
         (lambda _: {"about": {"epsilon": 0.001}}, "`flights` must be at least 2995"),
         (lambda _: {"about": {"predicted_from": "wind"}}, r"`coefficients` must have shape \(10,"),
         (lambda _: {"about": {"format": "flighttune band 0"}}, "`format`"),
+        (lambda _: {"about": {"early": 93}}, "`early` must be below the 93 flights planned"),
+        (lambda band: {"extremes": band.extremes[..., ::-1]}, "`extremes` must be lowest"),
+        (lambda band: {"extremes": band.extremes[[*range(93), 0]], "wind": np.zeros((94, 0))},
+         "`extremes` must be of as many flights as were planned, or of 2, 4.* got 94 for 93"),
+        (lambda band: {"about": {"half": (0.0 * band.about.half).tolist()}}, "`half` must be pos"),
+        (lambda band: {"about": {"signals": dict.fromkeys(band.about.signals, "ft")}},
+         r"`signals`: \w+ must be in \w+, got .ft"),
+        (lambda _: {"navigation": np.ones((93, 4))}, r"`navigation` must have shape \(93, 0\)"),
+        (lambda _: {"by_rtk": np.ones((2, 3))}, r"`by_rtk` must have shape \(2, 2\)"),
+        (lambda _: {"by_rtk": np.full((2, 2), np.nan)}, r"`by_rtk\.npy` must be finite"),
+        (lambda _: {"endings": np.array('{"60": "stall: it did"}')}, "`endings` must be of draws"),
+        (lambda _: {"endings": np.array('{"a": "stall"}')}, "`endings` must have a sentence"),
+        (lambda _: {"endings": np.array('{"60": 3}')}, "`endings` must have a sentence"),
     ],
 )  # fmt: skip
 def test_a_forged_file_is_refused_in_one_line(counted, tmp_path, change, message):
@@ -326,6 +339,12 @@ def test_a_forged_file_is_refused_in_one_line(counted, tmp_path, change, message
     with pytest.raises(ft.InputError, match=f"x.npz: {message}") as caught:
         load_walks(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_of_twice_as_many_flights_as_were_planned_is_read(counted, tmp_path):
+    twice = {"extremes": np.concatenate([counted.extremes] * 2), "wind": np.zeros((186, 0))}
+
+    assert load_walks(forged(counted, tmp_path / "x.npz", **twice)).readings == (93, 186)
 
 
 @pytest.mark.parametrize("lost", ["extremes", "wind"])
