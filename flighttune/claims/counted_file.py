@@ -108,9 +108,8 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     if "by_rtk" in arrays:
         shapes["by_rtk"] = len(arrays["by_rtk"]), 2
     array.check_shapes("band", learned | arrays, shapes)
-    by_rtk = arrays.get("by_rtk")
-    if by_rtk is not None and not (about.kind.beside_rtk and np.isfinite(by_rtk).all()):
-        raise InputError("`by_rtk` must be finite, and of a band.")
+    if "by_rtk" in arrays and not about.kind.beside_rtk:  # all but `extremes` are finite
+        raise InputError("`by_rtk` must be of a band.")
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")
     for name, unit in about.signals.items():
