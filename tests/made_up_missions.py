@@ -39,7 +39,7 @@ def made_up_flights(monkeypatch, lost_every=None, stopped_after=math.inf):
     def flown(pool, plan, kept, runs, doing="counting"):
         if doing == "counting" and len(counted) + len(runs) > stopped_after:
             raise StoppedError("stopped")
-        shape = len(kept.edges) - 1, 2, 1
+        shape = *kept.shape[:2], 1
         away = [np.random.default_rng([1, run]).uniform(0.1, 0.3, shape) for run in runs]
         extremes = (np.array(away) * [-1.0, 1.0]).astype(np.float32)
         if doing == "counting":

@@ -101,6 +101,11 @@ def test_the_wind_at_the_start_blows_from_where_it_comes(speed, from_deg):
     assert tuple(wind_at_start(scenario)) == pytest.approx(expected, abs=1e-12)
 
 
+def test_boxes_are_for_tubes_alone(counted):
+    with pytest.raises(ft.InputError, match="`boxes` must be given for the tube of an aircraft"):
+        ft.verify(counted, boxes="boxes.npz")
+
+
 def run_of(scenario=None, status="completed", gains=GAINS):
     tables = (scenario or made_up_scenario()).as_dict()
     signals = {"chi": [0.0, 0.0], "gamma": [0.0, 0.0]}
