@@ -3,6 +3,7 @@
 import json
 import pickle
 import shutil
+from dataclasses import replace
 from itertools import permutations
 
 import dispersed
@@ -244,3 +245,20 @@ def test_a_key_has_the_same_draws_wherever_it_stands_among_others(design):
     ]
 
     assert all(other.equals(draws[0]) for other in draws)
+
+
+def test_a_group_is_chosen_by_name_and_by_default_is_the_first_with_its_tuned_gains():
+    plan = plan_of(SPEED, gains=("K1", "paper"))
+    first, *_ = plan.groups
+    tuned = replace(plan, gain_sets={**plan.gain_sets, "tuned_identified": None})
+
+    assert plan.chosen_group(None, None) == (first.plant, "K1")
+    assert plan.chosen_group(first.plant, "paper") == (first.plant, "paper")
+    for of, plant, gains, got in (
+        (plan, "other", None, "`plant` must be one of .*, got other"),
+        (plan, None, "K9", "`gains` must be one of K1, paper, got 'K9'"),
+        (tuned, None, "tuned_identified", "which tuning did not find"),
+        (tuned, None, None, "got .tuned_identified., which tuning did not find"),
+    ):
+        with pytest.raises(ft.InputError, match=got):
+            of.chosen_group(plant, gains)
