@@ -79,6 +79,9 @@ def test_a_mission_shows_its_map_and_heights_before_its_signals(counts):
     planned = heights._seen[-1]
     assert planned[0][-1] == pytest.approx(band.flights.route.where[0].length / 1e3)
     assert "planned" in [name for name, *_ in heights.legend]
+    corridor = [y - planned[1][0] for x, y in heights._seen if len(x) > 1][:2]
+    assert np.nanmin(corridor) == pytest.approx(-LARGEST[1], rel=SINGLE)
+    assert np.nanmax(corridor) == pytest.approx(LARGEST[1], rel=SINGLE)
     widths = [volume.width for volume in room.volumes(band).values()]
     assert widths == sorted(widths)
     assert widths[0] == pytest.approx(LARGEST[0], rel=0.5)
