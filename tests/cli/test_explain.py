@@ -49,6 +49,7 @@ def test_a_gap_is_the_sum_of_its_steps_and_its_cause_the_largest(turn, tmp_path)
     assert kept == {"kinematic", "point_mass", "point_mass_lag", "jsbsim:aerosonde"}
 
 
+@pytest.mark.slow
 def test_the_largest_disturbance_is_between_the_last_bounded_and_the_first_unbounded(tmp_path):
     scenario = tube_scenario(chi_err_deg=0.3, gamma_deg=15.2, duration_s=0.16, rate_hz=12.5)
     file = scenario_file(tmp_path / "tube.toml", scenario)
@@ -79,6 +80,7 @@ def test_runs_are_compared_in_a_recording_or_on_a_page(turn, tmp_path, ending):
     assert out.read_bytes()[: len(begins)].lower() == begins.lower()
 
 
+@pytest.mark.slow
 def test_slopes_of_a_measure_are_those_of_two_flights(turn):
     """Central differences of the gain of the course."""
     found = answer(

@@ -199,6 +199,7 @@ print("not reached")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FORKS, reason="a process does not end by a signal")
 def test_a_process_that_is_ended_cleans_up_and_tells_its_parent_the_signal(tmp_path):
     command = [sys.executable, "-c", ENDED, str(tmp_path / "file")]
