@@ -60,8 +60,9 @@ BOUNDS: fit.Bounds = (
 UNITS = {"phi": DEG, "n_z": 1.0}
 NAMES = {"phi": "roll", "n_z": "load-factor"}
 
-# Limits and rate limit, deg and 1, of a channel without command and response in the logs
+# Limits and rate limit, deg and 1, of a channel that is not in the logs or never moves in them
 UNSEEN = {"phi": ((-45.0, 45.0), 60.0), "n_z": ((0.5, 1.5), 2.0)}
+STILL = 1e-6  # deg/s and 1/s: slopes of a signal that rests are rounding
 SHOWN_S = 40.0
 
 
@@ -237,9 +238,9 @@ def _identify_logs(
         channel = _channel(runs, name)
         if isinstance(channel, str):
             (low, high), rate = UNSEEN[name]
-            seen = any(name in run.signals for run in runs)
             limits = f"; its limits are assumed: {low:g} to {high:g}, {rate:g} per s"
-            untold[name] = channel if seen else channel + limits
+            unseen = _range(runs, name) is UNSEEN[name]
+            untold[name] = channel + limits if unseen else channel
         else:
             channels[name] = channel
     names = tuple(dict.fromkeys(str(run.provenance.gains_name) for run in runs))
@@ -479,8 +480,8 @@ def _aircraft(
     condition = model_file.IdentifiedCondition.model_construct(
         V_a=V_a, gamma=0.0, h=round(h, 1), channels=tables
     )
-    phi, phi_rate = _range(runs, "phi", DEG_PER_RAD)
-    n_z, n_z_rate = _range(runs, "n_z", 1.0)
+    ranges = {name: _range(runs, name) for name in CHANNELS}
+    (phi, phi_rate), (n_z, n_z_rate) = ranges.values()
     missed = np.concatenate([_missed(run, lags) for run in runs])
     largest = dict(zip(("chi", "gamma"), missed.max(axis=0, initial=0.0).tolist(), strict=True))
     seen = {"phi_deg": phi, "phi_rate_dps": phi_rate, "n_z": n_z, "n_z_rate_per_s": n_z_rate}
@@ -493,7 +494,7 @@ def _aircraft(
         **seen,
         residual_rad_s=largest if len(missed) else None,
         residual_stretches=len(missed),
-        limits_assumed=tuple(n for n in CHANNELS if not any(n in run.signals for run in runs)),
+        limits_assumed=tuple(name for name in CHANNELS if ranges[name] is UNSEEN[name]),
     )
     return model_file.IdentifiedAircraft.model_construct(
         aircraft=names[0], conditions=(condition,), log=evidence
@@ -531,16 +532,21 @@ def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
     return np.concatenate(largest)
 
 
-def _range(runs: Sequence[Run], name: str, unit: float) -> tuple[tuple[float, float], float]:
-    """Observed range of a command, else of the response, and the fastest observed response."""
+def _range(runs: Sequence[Run], name: str) -> tuple[tuple[float, float], float]:
+    """Observed range of a command, else of the response, and the fastest observed response.
+
+    They are those of `UNSEEN` where the logs have none, and where it never moves.
+    """
+    unit = DEG_PER_RAD if name == "phi" else 1.0
     values, rates = [np.zeros(0)], [np.zeros(0)]
     for run in runs:
         key = f"{name}_cmd" if f"{name}_cmd" in run.signals else name
         if key in run.signals and name in run.signals:
             values.append(unit * run.signals[key].dropna().to_numpy())
-            rate = np.gradient(run.signals[name].to_numpy(dtype=float), run.t)
-            rates.append(np.abs(unit * rate[np.isfinite(rate)]))
-    if not len(np.concatenate(values)):
+            change = np.gradient(run.signals[name].to_numpy(dtype=float), run.t)
+            rates.append(np.abs(unit * change[np.isfinite(change)]))
+    observed, moved = np.concatenate(values), np.concatenate(rates)
+    if not len(observed) or (rate := float(np.percentile(moved, 99.0))) < STILL:
         return UNSEEN[name]
-    low, high = np.percentile(np.concatenate(values), (0.5, 99.5))
-    return (float(low), float(high)), float(np.percentile(np.concatenate(rates), 99.0))
+    low, high = np.percentile(observed, (0.5, 99.5))
+    return (float(low), float(high)), rate

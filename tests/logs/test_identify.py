@@ -12,7 +12,7 @@ from scipy.signal import lfilter, lsim
 
 import flighttune as ft
 from flighttune.logs import identify
-from flighttune.vehicles.identification import fit
+from flighttune.vehicles.identification import file, fit
 from flighttune.vehicles.identification.fit import fit_percent
 
 SAMPLE = 0.04
@@ -138,7 +138,7 @@ def test_the_interval_of_a_frequency_is_as_wide_as_its_noise_allows(monkeypatch)
 
 @pytest.mark.soak
 def test_limits_are_those_seen(model):
-    evidence = ft.loop.load_identified(model).log
+    evidence = ft.loop.file.load_identified(model).log
 
     assert evidence.phi_deg[0] > -46.0
     assert evidence.phi_deg[1] < 46.0
@@ -258,7 +258,7 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     swing = 0.02 * 10.0 / (2.0 * np.pi) * -np.cos(2.0 * np.pi * run.t / 10.0)
     signals = run.signals.assign(chi=run.signals["chi"] + swing)
     shaken = ft.Run(signals=signals, status="completed", reason="", provenance=run.provenance)
-    quiet, found = ft.loop.load_identified(model).log, ft.identify(shaken).identified
+    quiet, found = ft.loop.file.load_identified(model).log, ft.identify(shaken).identified
     found.save(tmp_path / "mine.json")
     found = ft.loop.load_identified(tmp_path / "mine.json")
     flighttune("new", "mine", "--aircraft", "mine.json", cwd=tmp_path)
@@ -380,14 +380,14 @@ def test_limits_are_the_range_of_commands_and_the_fastest_response():
     slow = made_up_run({"phi": 0.5 * command, "phi_cmd": command}, t)
     none = made_up_run({"V_a": 0.0 * t}, t)
 
-    (low, high), rate = identify._range([slow, none], "phi", 180.0 / math.pi)
+    (low, high), rate = identify._range([slow, none], "phi")
 
     assert (low, high) == pytest.approx((-20.0 + 0.25, 30.0 - 0.25))
     assert rate == pytest.approx(0.25)  # 25 deg in 100 s
     alone = made_up_run({"phi": command}, t)
-    assert identify._range([alone], "phi", 1.0)[0] == pytest.approx(np.radians([-19.75, 29.75]))
-    assert identify._range([none], "phi", 1.0) == ((-45.0, 45.0), 60.0)
-    assert identify._range([none], "n_z", 1.0) == ((0.5, 1.5), 2.0)
+    assert identify._range([alone], "phi")[0] == pytest.approx((-19.75, 29.75))
+    assert identify._range([none], "phi") == ((-45.0, 45.0), 60.0)
+    assert identify._range([none], "n_z") == ((0.5, 1.5), 2.0)
 
 
 @pytest.mark.parametrize(
@@ -487,6 +487,21 @@ def test_a_model_of_a_log_has_what_it_shows_and_what_is_assumed(rolled):
     assert log.phi_deg == pytest.approx([-20.0, 80.0 / 3.0])
     assert (log.n_z, log.n_z_rate_per_s) == ((0.5, 1.5), 2.0)
     assert (log.residual_rad_s, log.residual_stretches) == (None, 0)
+
+
+def test_a_channel_that_never_moves_shows_no_limits_and_its_model_is_read_again(tmp_path):
+    t = 0.1 * np.arange(500)
+    still = {"phi": 0.1, "phi_cmd": 0.1, "n_z": 1.0, "V_a": 21.0, "V_g": 20.0, "h": 120.0}
+    log = made_up_run({name: np.full(500, x) for name, x in still.items()}, t)
+
+    found = ft.identify(log, assume={"phi": 4.0, "n_z": 5.0})
+
+    for name, limits in (("phi", "-45 to 45, 60 per s"), ("n_z", "0.5 to 1.5, 2 per s")):
+        assert found.untold[name].endswith(f"; its limits are assumed: {limits}")
+    model = found.save(tmp_path / "mine.json")["model"]
+    evidence = file.load_identified(model).log
+    assert evidence.limits_assumed == ("phi", "n_z")
+    assert (evidence.phi_deg, evidence.phi_rate_dps) == ((-45.0, 45.0), 60.0)
 
 
 def test_without_an_assumption_there_is_no_model_and_the_remedy_is_said(tmp_path):
