@@ -1,6 +1,7 @@
 """Linear models and tuning problems of scenarios, against formulas of design/roll_rate.md."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,6 +82,48 @@ def test_a_first_error_of_the_path_angle_counts_from_that_of_the_start():
     assert problem.x_0[1] == pytest.approx(math.radians(4.0))
 
 
+def test_a_descent_counts_as_a_climb_and_the_slower_side_of_a_rate_as_both():
+    descent = scenario(reference={"chi_deg": 10.0, "gamma_deg": -6.0})
+    sides = {"phi_rate_dps": [-90.0, 120.0], "n_z_rate_per_s": [-1.5, 2.5]}
+    other = {"phi_rate_dps": [-120.0, 90.0], "n_z_rate_per_s": [-2.5, 1.5]}
+    expected = models.identified_problems(scenario())[0].K_max
+
+    for made in (*(scenario(limits=LIMITS | x) for x in (sides, other)), descent):
+        (problem,) = models.identified_problems(made)
+        assert problem.K_max == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("without", "free"), [("phi_rate_dps", 0), ("n_z_rate_per_s", 1)])
+def test_without_a_limit_of_its_rate_a_command_does_not_bound_its_gains(without, free):
+    limited = scenario().as_dict()
+    del limited["limits"][without]
+
+    (problem,) = models.identified_problems(made_up_scenario(**limited))
+
+    assert problem.K_max[free, [free, 2 + free]].tolist() == [1000.0, 1000.0]
+    bounded = 1 - free
+    assert (problem.K_max[bounded, [bounded, 2 + bounded]] < 1000.0).all()
+
+
+def test_the_weight_on_the_airspeed_is_left_to_a_gain_of_its_own():
+    """Along a climb the weight takes ``g sin(gamma)`` of the airspeed's rate."""
+    limits = LIMITS | {"n_x": [-0.3, 0.4]}
+    made = scenario(reference={"chi_deg": 10.0, "gamma_deg": 6.0, "V_mps": V}, limits=limits)
+
+    (design,) = models.identified_models(made)
+    (problem,) = models.identified_problems(made)
+
+    V_of, gamma = design.model.states.index("V"), design.model.states.index("gamma")
+    slope = -G / V * math.cos(math.radians(6.0))
+    assert design.model.A[V_of, gamma] == pytest.approx(slope)
+    expected = design.model.A.copy()
+    expected[V_of, gamma] = 0.0
+    assert np.array_equal(problem.model.A, expected)
+    assert problem.x_0 == pytest.approx([math.radians(20.0), math.radians(6.0), 0.0])
+    assert problem.K_max.shape == (3, 6)
+    assert problem.K_max[2, [2, 5]].tolist() == [1000.0, 1000.0]
+
+
 def test_a_smaller_largest_gain_counts_and_limits_that_are_not_asked_for_do_not():
     small, free, level = (
         models.identified_problems(x)[0]
@@ -144,6 +187,27 @@ def test_margins_of_a_loop_are_those_of_the_textbook():
     assert np.argmin(phase) != np.argmin(phase / crossing)
     assert found["gain_margin_dB"] == math.inf
     assert 0.0 < found["disk_margin"] <= 2.0
+    assert models.loop_measures(entry_of(made, "none", None), {"gain_margin_dB"}) == {}
+
+
+@pytest.mark.parametrize(("K_P", "nearer"), [([9.0, 2.0], 0), ([2.0, 9.0], 1)])
+def test_a_gain_margin_is_that_of_the_channel_that_swings_first(K_P, nearer):
+    made = scenario("exact", tuning={"model": "kinematic", "sample_delay": True,
+        "lag_rad_s": [5.0, 5.0], "roll_rate": False, "lift_rate": False,
+    })  # fmt: skip
+    gains = ft.PIGains.from_lists(np.diag(K_P), np.diag([0.2, 0.3]), law="exact")
+    entry = entry_of(made, "own", gains)
+
+    found = models.loop_measures(entry, {"gain_margin_dB"})
+
+    assert "disk_margin" not in found
+    assert "roll_rate_rad_s" not in found
+    model, of_loop = models.linear_loop(entry)
+    for factor, stable in ((0.999, True), (1.001, False)):
+        each = np.ones(2)
+        each[nearer] = factor * 10.0 ** (found["gain_margin_dB"] / 20.0)
+        A_cl = ft.loop.closed_loop(replace(model, B=model.B * each), of_loop)
+        assert (np.linalg.eigvals(A_cl).real.max() < 0.0) == stable
 
 
 def test_ranges_of_lags_are_those_stated_or_of_all_identified_conditions():
@@ -157,6 +221,7 @@ def test_ranges_of_lags_are_those_stated_or_of_all_identified_conditions():
     lags, delays = models.late_ranges(plain, law, [0.1, 0.3])
     assert lags.tolist() == [0.1, 0.3]
     assert delays.tolist() == [0.0, 0.0]
+    assert models.late_ranges(scenario(), law, [0.1, 0.3])[0].tolist() == [0.1, 0.3]
     assert models.late_ranges(held, law, [0.1, 0.3])[1] == pytest.approx([HALF_A_SAMPLE] * 2)
     conditions = ft.loop.load_identified("aerosonde").conditions
     each = np.array([[(x.whole - x.delay, x.delay) for x in one.lags] for one in conditions])
@@ -205,6 +270,9 @@ def test_noise_for_tuning_is_that_of_light_gusts_and_a_share_of_the_rate_limits(
     seen = ft.loop.Navigation.of("standard").densities(found.omega, 0.02, V)
     assert np.array_equal(found.estimates, [seen["chi"], seen["gamma"]])
     assert np.array_equal(found.measured, [seen["phi"], seen["n_z"]])
+    (problem,) = models.identified_problems(made)
+    assert problem.gusts == pytest.approx([V / across, V / down])
+    assert np.array_equal(problem.noise.gusts, found.gusts)
     assert found.units == pytest.approx([G / V] * 2)  # of a rate; the law's command is one
     stated = scenario("exact", tuning={
         "objective": "rms", "navigation": "rtk", "command_rate_max": [6.0, 0.2],
@@ -213,6 +281,8 @@ def test_noise_for_tuning_is_that_of_light_gusts_and_a_share_of_the_rate_limits(
         [math.radians(6.0), 0.2]
     )
     calm = scenario("exact")
+    (of_calm,) = models.identified_problems(calm)
+    assert (of_calm.objective, of_calm.gusts, of_calm.noise) == ("R_K", None, None)
     assert noise.tuning_noise(calm, calm.laws[0]) is None
 
 
@@ -230,6 +300,47 @@ def test_without_an_envelope_or_on_a_model_behind_lags_there_is_no_claim_over_on
 
     trim, inside = models.trim_and_envelope(scenario(tuning={"model": "kinematic"}, **around))
     assert inside.contains(trim)
+
+
+def test_a_law_is_set_up_as_its_scenario_says_and_feeds_back_only_what_comes_late():
+    controller = {"rate_hz": 40.0, "anti_windup": "back_calculation", "tracking_time_s": 0.7}
+    made = scenario("exact", controller=controller | {"schedule": True, "feed_forward": True})
+    plain = scenario("exact")
+    fed = ft.PIGains.from_lists(np.eye(2), np.eye(2), law="exact", feedback=[0.7, 0.4])
+    limits = ft.loop.JSBSimPlant("aerosonde").limits
+
+    late, at_once = (models.law_setup(made, fed, limits, at_once=x) for x in (False, True))
+
+    assert late.gains is fed
+    assert at_once.gains.feedback == (0.0, 0.0)
+    assert np.array_equal(at_once.gains.K, fed.K)
+    assert (late.dt, late.anti_windup, late.tracking_time) == (0.025, "back_calculation", 0.7)
+    assert (late.schedule_speed, late.feed_forward, late.g) == (V, True, G)
+    assert late.limits is limits
+    assert late.scenario == made.as_dict()
+    assert late.reference.initial == pytest.approx((math.radians(10.0), math.radians(6.0)))
+    unscheduled = models.law_setup(plain, fed, limits)
+    assert (unscheduled.schedule_speed, unscheduled.feed_forward) == (None, False)
+
+
+def test_models_everywhere_are_those_of_all_conditions_and_one_airspeed_if_gains_are_scheduled():
+    conditions = ft.loop.load_identified("aerosonde").conditions
+    robust = scenario(tuning={"robust": True})
+    scheduled = scenario(controller={"schedule": True})
+
+    plain, same, of_speed = (
+        models.identified_models(robust),
+        models.identified_models(scenario(), everywhere=True),
+        models.identified_models(scheduled, everywhere=True),
+    )
+
+    at = [(x.V_a, x.gamma) for x in conditions]
+    for designs in (plain, same, of_speed):
+        assert [(x.V_a, x.gamma) for x in designs] == at
+    for design, other in zip(plain, of_speed, strict=True):
+        assert other.law_model.B == pytest.approx(design.law_model.B * design.V_a / V)
+    (here,) = models.identified_models(scheduled)
+    assert (here.V_a, here.gamma) == pytest.approx((V, math.radians(6.0)))
 
 
 W = np.array([0.3, 2.0, 11.0])  # rad/s
