@@ -648,7 +648,18 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
 
 @pytest.fixture
 def bettered(tmp_path, monkeypatch):
-    """A slow period, bettered on the lags of an aircraft in a bend, beside a log off the track."""
+    """A slow period, bettered on the lags of an aircraft in a bend, beside a log off the track.
+
+    With the seeds of the draws that searched and chose.
+    """
+    seeds = []
+
+    class Seeded(retune.Search):
+        def __init__(self, plan, *others):
+            seeds.append(plan.campaign.seed)
+            super().__init__(plan, *others)
+
+    monkeypatch.setattr(retune, "Search", Seeded)
     monkeypatch.setattr(retune, "DRAWS", 1)
     monkeypatch.setattr(retune, "FINAL_DRAWS", 1)
     slow = tmp_path / "slow.params"
@@ -663,7 +674,7 @@ def bettered(tmp_path, monkeypatch):
     del tables["reference"]
     wind = uniform("wind.speed_mps", 0.0, 3.0), uniform("wind.from_deg", 0.0, 359.0)
     with flown_here():
-        return ft.meet(
+        found = ft.meet(
             ft.flights(plan_of(tables, *wind)),
             autopilot=slow,
             flights=6,
@@ -671,10 +682,13 @@ def bettered(tmp_path, monkeypatch):
             workers=1,
             log=log,
         )
+    return found, seeds
 
 
 @pytest.mark.slow
 def test_what_betters_a_slow_period_is_counted_on_fresh_draws_and_written(bettered, tmp_path):
+    bettered, seeds = bettered
+    assert len({bettered.plan.campaign.seed, *seeds}) == 3  # what searches, chooses and is counted
     now, period = bettered.start.law.parameters, bettered.best.law.parameters["NPFG_PERIOD"]
     both = dict(iter(bettered.rows.groupby("gains")))
 
