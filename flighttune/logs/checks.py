@@ -334,7 +334,7 @@ def _cures(motion: Motion, relation: Relation, match: Match) -> Iterator[Cure]:
                 yield Cure(group, said, _moved(group, by), 0.4 + 0.05 * len(group))
         yield from _changed(name, match, stated=stated)
         if name == "v_east" and "v_north" in given and abs(match.turned) > relation.turned:
-            by = -match.turned if stated else match.turned
+            by = -match.turned if relation.name == "v_north" else match.turned
             said = f"a turn of the velocity by {by * DEG_PER_RAD:+.1f} deg would do"
             yield Cure(("v_north", "v_east"), said, _rotated(by), 0.4)
 

@@ -383,6 +383,76 @@ def test_one_wrong_column_of_a_few_is_said_with_its_cure(agreeing, there, name, 
     assert name in wrong.columns
 
 
+PATH = "V_a v_north v_east north east"
+COMMANDS = "V_a v_north v_east v_down n_z phi_cmd n_z_cmd"
+SWING = np.sin(0.6 * np.arange(600.0) * np.linspace(0.1, 0.5, 600))
+NO_CURE = "is something else, and no factor, shift or exchange mends it"
+"""What is said of a column whose values are others."""
+
+
+@pytest.mark.parametrize(
+    ("there", "change", "says", "columns"),
+    [
+        (
+            "theta psi p q r", lambda x: {"q": x["r"], "r": x["q"]},
+            "q is unlike the changes of attitude .*: q and r exchanged would do", "q r",
+        ),
+        (
+            PATH, lambda x: {"v_north": x["v_east"], "v_east": x["v_north"]},
+            "the velocity is unlike the path .*: v_east and v_north exchanged would do",
+            "v_east v_north",
+        ),
+        (
+            PATH, checks._rotated(0.4),
+            r"chi is \+22.9 deg off that of the path .*: a turn of the velocity by -22.9 deg",
+            "v_north v_east",
+        ),
+        (
+            f"{PATH} chi", checks._rotated(-0.4),
+            r"chi is -22.9 deg off that of the path .*: a turn of the velocity by \+22.9 deg",
+            "v_north v_east",
+        ),
+        ("theta psi p q r", lambda _: {"p": 0.3 * SWING}, f"p is unlike .*: p {NO_CURE}", "p"),
+        (COMMANDS, lambda x: {"n_z": x["n_z"] - 1.0}, r"n_z is 0.\d+ .*: a change by \+1", "n_z"),
+        (COMMANDS, lambda _: {"phi_cmd": SWING}, f"phi_cmd is unlike .*: phi_cmd {NO_CURE}", ""),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_several_columns_is_one_sentence_about_them(
+    agreeing, there, change, says, columns
+):
+    """A command that nothing confirms may be another law's, and is a note."""
+    given = {x: agreeing[x] for x in ("phi", *there.split())}
+
+    verdicts = checks.judged(given | change(given), 0.1)
+
+    (said,) = verdicts.wrong if columns else verdicts.notes[:1]
+    assert re.match(says, said)
+    assert verdicts.columns == {*(columns or "phi_cmd").split()}
+    agree = next(line for line in verdicts.notes if line.startswith("These agree"))
+    assert not {*re.findall(r"\w+", agree)} & verdicts.columns
+    assert (verdicts.wrong == []) == (columns == "")
+
+
+def test_an_airspeed_agrees_by_its_ratio_or_is_the_ground_speed_or_cannot_be_checked(agreeing):
+    def said(there, **changed):
+        verdicts = checks.judged({x: agreeing[x] for x in ("phi", *there.split())} | changed, 0.1)
+        assert (verdicts.wrong, verdicts.columns) == ([], set())
+        return verdicts.notes
+
+    (agree,) = said("psi v_north v_east", V_a=1.2 * agreeing["V_a"])
+    assert "V_a (1.20 times it) with the ground speed" in agree
+    (agree,) = said("psi v_north v_east V_a")
+    assert "V_a with the ground speed" in agree
+    _, copied = said("V_g chi", V_a=agreeing["V_g"])
+    assert copied.startswith("V_a cannot be checked: it is the ground speed")
+    agree, *rest = said("theta V_a V_err")
+    assert agree == "These agree: V_err with the changes of speed."
+    assert rest == [
+        "phi and V_a cannot be checked: the log has no v_north and v_east.",
+        "theta cannot be checked: the log has no gamma.",
+    ]
+
+
 @pytest.mark.parametrize("seconds", [2.03, -2.03])
 def test_a_delay_that_is_possible_to_half_a_sample_is_not_what_is_said_of_a_wrong_unit(
     agreeing, seconds
