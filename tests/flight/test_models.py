@@ -22,7 +22,8 @@ HALF_A_SAMPLE = 0.01
 def scenario(law="paper", tuning=None, **changes):
     """A climb of 6 deg on the lags of the Aerosonde, sampled at 50 Hz."""
     return made_up_scenario(**{
-        "flight": {"V_a_mps": V, "h_m": 1000.0, "chi_deg": 350.0}, "law": [law],
+        "flight": {"V_a_mps": V, "h_m": 1000.0, "chi_deg": 350.0},
+        "law": np.atleast_1d(law).tolist(),
         "reference": {"chi_deg": 10.0, "gamma_deg": 6.0}, "limits": LIMITS,
         "tuning": {"model": "identified", "roll_rate": True, "lift_rate": True} | (tuning or {}),
     } | BEHIND | changes)  # fmt: skip
@@ -69,6 +70,7 @@ def test_the_sensitivity_of_tuned_gains_leaves_35_deg_of_phase_at_least(stated, 
     (problem,) = models.identified_problems(scenario(tuning=tuning))
 
     assert problem.sensitivity_max == pytest.approx(counts)
+    assert problem.objective == "decay"
 
 
 def test_a_first_error_of_the_path_angle_counts_from_that_of_the_start():
@@ -80,6 +82,23 @@ def test_a_first_error_of_the_path_angle_counts_from_that_of_the_start():
     late = np.roots([1.0, -lift, -slew]).max()
     assert problem.K_max[1, 1] == pytest.approx(V / G / late)
     assert problem.x_0[1] == pytest.approx(math.radians(4.0))
+
+
+def test_another_law_than_the_first_has_problems_of_its_own():
+    both = scenario(law=["paper", "exact"])
+    paper, exact = both.laws
+
+    (of_first,), (same,), (of_other,) = (
+        models.identified_problems(both, law) for law in (None, paper, exact)
+    )
+
+    assert of_first.model.inputs == same.model.inputs == ("phi", "n_z")
+    assert np.array_equal(of_first.K_max, same.K_max)
+    assert of_other.model.inputs == ("chi_dot", "gamma_dot")
+    assert of_other.K_max[0, 0] == pytest.approx(G / V * of_first.K_max[0, 0])
+    assert models.tuning_problem(both, exact).model.inputs == of_other.model.inputs
+    (design,) = models.identified_models(both, exact)
+    assert np.array_equal(models.tuning_scaling(both, exact), design.scaling)
 
 
 def test_a_descent_counts_as_a_climb_and_the_slower_side_of_a_rate_as_both():
