@@ -10,6 +10,7 @@ from made_up_missions import AREA, made_up_flights, mission
 
 import flighttune as ft
 from flighttune.claims import hourly_flights, leaving
+from flighttune.claims.mission import kept_mission
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 12, "workers": 1}
 WRITTEN = {"m.npz", "m-turn-back.npz", "m.geojson", "m.kml", "m-per-hour.json"}
@@ -122,6 +123,53 @@ def test_of_a_room_that_is_not_claimed_no_volumes_are_left(place):
 
     assert names(place) == WRITTEN - {"m.geojson", "m.kml"}
     assert not ft.load(place / "m-turn-back.npz").claims
+
+
+BESIDE = {
+    "band": "m.npz", "room": "m-turn-back.npz", "volumes": "m.geojson", "kml": "m.kml",
+    "per_hour": "m-per-hour.json",
+}  # fmt: skip
+
+
+def test_a_band_is_shown_with_what_stands_beside_it(place):
+    band, file = ft.load(place / "m.npz"), place / "m.npz"
+
+    kept = kept_mission(band, file)
+
+    assert {key: path.name for key, path in kept.files.items()} == BESIDE
+    assert kept.room.sha256 == ft.load(place / "m-turn-back.npz").sha256
+    assert kept.per_hour.volume == ft.load(place / "m-per-hour.json").volume
+    (place / "m.kml").unlink()
+    (place / "m-per-hour.json").write_text("of somebody else")
+    left = kept_mission(band, file)
+    assert left.files.keys() == BESIDE.keys() - {"kml", "per_hour"}
+    assert left.per_hour is None
+
+
+def test_what_stands_beside_a_band_and_is_of_another_route_is_not_shown(place):
+    """Another seed is of the same mission."""
+    mission(place / "far.plan", corner=(47.405, 8.507))
+    for name in ("far", "m"):
+        ft.mission(place / f"{name}.plan", out=place / "of.npz", seed=3, **FEW)
+        for file in ("-turn-back.npz", "-per-hour.json"):
+            shutil.copy(place / f"m{file}", place / f"of{file}")
+
+        kept = kept_mission(ft.load(place / "of.npz"), place / "of.npz")
+
+        assert (kept.per_hour is None) == (name == "far")
+        assert ("per_hour" in kept.files) == (name == "m")
+        if name == "far":
+            assert kept.room is None
+            assert {*kept.files} == {"band"}
+
+
+def test_a_claim_of_flights_that_were_counted_may_be_another(place):
+    about = ft.mission(place / "m.npz", epsilon=0.4, workers=1).band.about
+    assert (about.epsilon, about.confidence) == (0.4, pytest.approx(1.0 - 0.1 / 3.0))
+    about = ft.mission(place / "m.npz", confidence=0.8, workers=1).band.about
+    assert (about.epsilon, about.confidence) == (FEW["epsilon"], 0.8)
+    with pytest.raises(ft.InputError, match="`seed` must be absent for a band"):
+        ft.mission(place / "m.npz", seed=0)
 
 
 @pytest.mark.parametrize("given", ["source", "fence"])

@@ -94,10 +94,29 @@ def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_
     parts = [ft.load_log(tmp_path / "whole.csv", start=start) for start in (0.0, 10.0)]
     with pytest.raises(ft.InputError, match=r"twice or parts that overlap"):
         ft.monitor(noisy[1], *parts)
+    with pytest.raises(ft.InputError, match=r"short: must be at least 16 s .*, got 6"):
+        ft.monitor(*noisy[1:4], short)
     with pytest.raises(ft.InputError, match=r"short: .* 8 s long, got 6"):
         monitor.alarm(short)
     with pytest.raises(ft.InputError, match="V_a, elevator, n_z, q must"):
         ft.monitor(*(replace(standing, signals=k * standing.signals) for k in (1.0, 1.1, 1.2)))
+
+
+def test_parts_of_one_log_that_do_not_overlap_are_different_flights(noisy, tmp_path):
+    t = np.arange(round(50.0 * RATE)) / RATE
+    phi = 0.5 * np.sin(0.7 * t) + 1e-3 * t
+    r = 0.5 * np.sin(phi) + 0.02 * np.random.default_rng(7).normal(size=len(t))
+    table = {"t_s": t, "phi_rad": phi, "p": 0.35 * np.cos(0.7 * t), "r": r, "v_north": 20.0}
+    pd.DataFrame(table | {"v_east": 0.0 * t}).to_csv(tmp_path / "long.csv", index=False)
+    first, second, across = (
+        ft.load_log(tmp_path / "long.csv", start=start, end=start + 20.0)
+        for start in (0.0, 25.0, 10.0)
+    )
+
+    assert ft.monitor(noisy[1], first, second).epsilon == pytest.approx(0.25)
+    for parts in ((first, across), (across, first), (second, across)):
+        with pytest.raises(ft.InputError, match="parts that overlap"):
+            ft.monitor(noisy[1], *parts)
 
 
 def test_logs_without_the_signals_of_any_residual_are_told_which_are_missing(noisy):
@@ -199,6 +218,40 @@ def test_a_forged_monitor_is_not_valid_and_copies_of_a_log_count_once(
     assert not ft.verify(false, logs=noisy).valid
 
 
+@pytest.mark.parametrize(
+    ("change", "logs", "said"),
+    [
+        ({}, 2, "`logs` must be at least 3, with the same models"),
+        ({"models": lambda _: ()}, 5, "`logs` must be at least 3, with the same models"),
+        (
+            {"models": lambda x: tuple(replace(y, name="yaw") for y in x.models)},
+            5,
+            "`models` must be those that flighttune monitor takes of logs",
+        ),
+        (
+            {"models": lambda x: tuple(replace(y, weights=y.weights[1:]) for y in x.models)},
+            5,
+            "a weight for each term, and positive limits",
+        ),
+        ({"limits": lambda _: (0.0,)}, 5, "a weight for each term, and positive limits"),
+        ({"limits": lambda x: 2 * x.limits}, 5, "a weight for each term, and positive limits"),
+    ],
+)
+def test_logs_that_no_monitor_has_are_refused(noisy, change, logs, said):
+    monitor = ft.monitor(*noisy)
+
+    with pytest.raises(ft.InputError, match=said):
+        changed(replace(monitor, logs=monitor.logs[:logs]), **change)
+
+
+def test_models_that_one_log_alone_has_are_refused(noisy):
+    monitor = ft.monitor(*noisy)
+    (model,) = monitor.logs[0].models
+    with pytest.raises(ft.InputError, match="with the same models"):
+        last = replace(monitor.logs[4], models=(replace(model, name="yaw"),))
+        replace(monitor, logs=(*monitor.logs[:4], last))
+
+
 def test_a_monitor_is_verified_by_what_its_file_holds_and_by_its_logs(noisy, tmp_path):
     monitor, file = ft.monitor(*noisy), tmp_path / "m.npz"
     monitor.save(file)
@@ -209,6 +262,10 @@ def test_a_monitor_is_verified_by_what_its_file_holds_and_by_its_logs(noisy, tmp
     assert by_logs.valid
     assert "only seen with the logs" in alone.answer().notes[0]
     assert "same 5 logs" in ft.verify(file, logs=noisy[:4]).reason
+    assert "same 4 logs" in ft.verify(ft.monitor(*noisy[:4]), logs=noisy).reason
+    assert [log.seconds for log in monitor.logs] == pytest.approx([T[-1] - 8.0] * 5)
+    assert monitor.names == {run.provenance.gains_name for run in noisy}
+    assert len(monitor.names) == 5
     assert answer("verify", file)["valid"]
     with pytest.raises(ft.InputError, match="got a monitor of logs"):
         ft.worst(file)
@@ -225,6 +282,13 @@ def test_a_file_of_0_4_0_is_read_and_says_what_cannot_be_checked_without_its_log
     assert ft.load(tmp_path / "m.npz").sentence == ft.monitor(*noisy).sentence
     assert ft.verify(tmp_path / "m.npz", logs=noisy).valid
     assert not ft.verify(changed(old, score=scaled("score")), logs=noisy).valid
+    assert "same 5 logs" in ft.verify(old, logs=noisy[:4]).reason
+    rolling = [
+        replace(run, signals=run.signals.assign(phi_cmd=np.sin(0.9 * T + i)))
+        for i, run in enumerate(noisy)
+    ]
+    assert "same models" in ft.verify(old, logs=rolling).reason
+    assert old.not_about(noisy[0]) == "it learned from a log of this name"
 
 
 def test_a_log_that_it_learned_from_has_no_alarm(noisy):
@@ -236,7 +300,11 @@ def test_a_log_that_it_learned_from_has_no_alarm(noisy):
 
     assert said.no_claim == "it learned from this log"
     assert said.alarm is None
-    assert not ft.monitor(*noisy[:4]).on(noisy[4]).no_claim
+    others = ft.monitor(*noisy[:4])
+    assert not others.on(noisy[4]).no_claim
+    tables = {x: y for x, y in noisy[4].provenance.scenario.items() if x != "log"}
+    simulated = replace(noisy[4], provenance=replace(noisy[4].provenance, scenario=tables))
+    assert others.not_about(simulated) == "it is simulated, learned from logs of real flights"
 
 
 def test_a_log_is_not_held_against_a_band_over_time(noisy, tmp_path):
@@ -324,6 +392,13 @@ def test_a_log_is_judged_by_others_alone_and_an_alarm_takes_all_of_them(noisy):
         return monitor.alarm(louder(noise))
 
     assert monitor.logs[4].score == pytest.approx(0.06 / 0.022, rel=0.5)
+    largest = max(log.score for log in monitor.logs)
+    for i, (log, watch) in enumerate(zip(monitor.logs, monitor.watches, strict=True)):
+        (peaks,) = np.transpose(log.peaks)
+        limit = log.models[0].room * max(np.delete(peaks, i))
+        assert (log.why, log.limits) == ("turn", (pytest.approx(limit),))
+        assert log.score == pytest.approx(peaks[i] / limit)
+        assert watch.half == pytest.approx([largest * limit])
     # By what the four others teach it alarms at 1.5 times its noise, with its own limit not.
     assert [alarm(noise) is not None for noise in (1.0, 1.5, 4.0)] == [False, False, True]
     # The noise grows: each of the five alarms at its own time, all of them at that of the last.

@@ -16,6 +16,7 @@ import flighttune as ft
 from flighttune.claims.tubes import forms, proof
 from flighttune.claims.tubes import interval as intervals
 from flighttune.claims.tubes.dynamics import SampledLag
+from flighttune.claims.tubes.sample import RATES
 from flighttune.control.theory import exact
 from flighttune.vehicles.plants.lagged import LaggedChannel
 
@@ -321,6 +322,25 @@ def test_a_loop_is_settled_once_its_boxes_stay_within_the_last(end, wide):
     boxes[2, 3, end] = wide
 
     assert proof.settled_from(SimpleNamespace(reference=np.zeros((6, 7)), boxes=boxes)) == 3
+
+
+@pytest.mark.parametrize(
+    ("last", "settled"),
+    [(-1, 0), (0, 1), (3, 4), (4, 6)],  # one sample alone is too few: then none is
+)
+@pytest.mark.parametrize("column", [0, 3])
+def test_a_loop_is_settled_once_its_reference_is_the_last(column, last, settled):
+    reference, boxes = np.zeros((6, 7)), np.tile([-1.0, 1.0], (6, 4, 1))
+    reference[: last + 1, column] = 1.0
+
+    assert proof.settled_from(SimpleNamespace(reference=reference, boxes=boxes)) == settled
+
+
+def test_a_reference_that_turns_at_a_constant_rate_is_not_settled():
+    reference, boxes = np.zeros((6, 7)), np.tile([-1.0, 1.0], (6, 4, 1))
+    reference[:, RATES] = 0.1
+
+    assert proof.settled_from(SimpleNamespace(reference=reference, boxes=boxes)) == 6
 
 
 @pytest.mark.parametrize("at", range(4))
