@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import flighttune
-from dispersed import plan_of, tables_of, uniform
+from dispersed import WIND, plan_of, tables_of, uniform
 from flown_campaigns import flown_here
 from log_files import sampled, straight_log, write_dataflash
 from made_up import made_up_run
@@ -24,6 +24,7 @@ from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignProgress
+from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
 from flighttune.control.laws.autopilot import Autopilot, guidance
 from flighttune.control.margins import Margins
@@ -149,6 +150,13 @@ SLOWING = flight(1.0, 2.0, 1.0, 4.0, airspeed=3.1)  # nearer to the stall for a 
             "the largest error of airspeed grows from 2.5 to 3.1 m/s",
         ),
         (rows_of([GOOD] * 9, [GOOD] * 9), {"same": True}, "no candidate was better"),
+        (
+            rows_of([GOOD] * 9, [BETTER] * 9).assign(
+                success=lambda rows: (rows["gains"] == "yours") | (rows["draw"] > 1)
+            ),
+            {},
+            "2 of 9 flights miss a requirement, 0 with yours",
+        ),
     ],
 )
 def test_nothing_is_written_that_is_worse_or_loses_more_or_has_less_margin(rows, more, words):
@@ -168,6 +176,29 @@ def test_two_flights_of_93_that_leave_the_others_behind_are_enough_to_write_noth
     ]
     # the same two leave it with both
     assert against(rows_of([GOOD] * 91 + [far] * 2, [near] * 91 + [far] * 2)) == []
+
+
+def test_a_candidate_has_the_means_of_the_flights_that_it_completes():
+    """Of four flights one is lost and one misses a requirement; 95 % keep to the largest."""
+    others = flight(4.0, 1.0, 2.0, 2.0, rates=(0.3, 0.7), cross=9.0, course=0.2)
+    rows = rows_of([GOOD, LOST, others, GOOD], [LOST] * 4)
+    rows.loc[rows["draw"] == 3, "success"] = False
+    yours = rows[rows["gains"] == "yours"]
+    start = retune.Candidate(law=law_of(10.0), margins=(SAFE, SAFE), way_back=0.5)
+
+    made = retune.with_flights(start, yours)
+
+    assert (made.lost, made.missed) == (1, 1)
+    assert made.cost == pytest.approx((6.0 + 7.0 + 6.0) / 3.0)
+    assert made.rates == pytest.approx([0.5 / 3.0, 1.7 / 3.0])
+    means, largest = [8.0 / 3.0, 7.0 / 3.0, 4.0 / 3.0, 10.0 / 3.0], [9.0, 8.0, 2.5]
+    assert made.errors == pytest.approx([*means, *largest, *np.degrees([0.2, 0.2])])
+    assert {*made.each} == {0, 2, 3}
+    assert made.each[2] == pytest.approx(
+        [4.0, 1.0, 2.0, 2.0, 9.0, 8.0, 2.5, *np.degrees([0.2] * 2)]
+    )
+    none = retune.with_flights(start, rows[rows["gains"] == "tuned"])
+    assert (none.lost, none.cost, none.each) == (4, math.inf, {})
 
 
 def test_errors_are_compared_in_the_draws_that_both_completed():
@@ -552,6 +583,15 @@ def test_what_holds_a_search_is_said_in_one_phrase():
     )
     assert retuned.constraints(held[:1]) == "the gain margin of lift"
     assert retuned.constraints([]) == ""
+
+
+def test_the_way_back_is_held_against_the_strongest_wind_of_the_draws(plan):
+    speeds = [scenario_of_run(plan.with_runs(9), run).wind.speed_mps for run in range(9)]
+    for n in (1, 4, 9):
+        assert retune._wind(plan, n) == pytest.approx(max(speeds[:n]))
+    of_start = uniform("flight.chi_deg", 0.0, 10.0)
+    assert retune._wind(plan_of(tables_of(wind=WIND), of_start), 3) == WIND["speed_mps"]
+    assert retune._wind(plan_of(tables_of(), of_start), 3) == 0.0
 
 
 class SearchedError(Exception):

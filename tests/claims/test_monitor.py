@@ -15,11 +15,13 @@ from watched import flown, stuck, turn
 
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
-from flighttune.claims import counting, mission
+from flighttune.campaigns.flying.rows import fly_group, scenario_of_run
+from flighttune.claims import counted_flights, counting, mission
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.rates_keys import load_rates
 from flighttune.flight.entry import entry_of
 from flighttune.flight.fly import fly_alone
+from flighttune.gaps import watch as watching
 
 pytestmark = pytest.mark.slow
 
@@ -69,12 +71,28 @@ def test_the_limits_are_those_that_the_count_allows(monitor):
     assert all(len(x["weights"]) == len(x["terms"]) for x in models)
 
 
+def test_weights_are_those_of_the_first_half_of_the_learning_flights(monitor):
+    plan, models = counted_flights.plan_of(monitor), monitor.about.models
+    runs = [fly_group(plan, scenario_of_run(plan, n), plan.groups[0]) for n in range(10)]
+
+    taught = watching.taught(
+        models, [watching.moments(watching.columns_of(models, run)) for run in runs]
+    )
+
+    for model, other in zip(models, taught, strict=True):
+        assert model.weights == pytest.approx(other.weights, rel=1e-6)
+
+
 def test_the_score_rises_above_its_limit_at_the_alarm_of_a_fault(monitor, runs):
     healthy, faulty = (monitor.on(run) for run in runs)
     alarm = monitor.alarm(runs[1])
 
     assert (healthy.alarm, healthy.no_claim, faulty.no_claim) == (None, "", "")
     assert faulty.alarm == alarm
+    for run, claim in zip(runs, (healthy, faulty), strict=True):
+        assert (claim.kind, claim.sentence) == ("counted", monitor.sentence)
+        assert (claim.bounds.t == run.t).all()
+        assert (claim.bounds.pairs == [0.0, 1.0]).all()
     assert STUCK_S < alarm.at_s < STUCK_S + 0.5
     assert alarm.why in ("roll", "turn")
     for run, claim in zip(runs, (healthy, faulty), strict=True):
@@ -224,6 +242,10 @@ def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):
 
     assert not verified.valid
     assert f"`weights` of {first.name} must be those" in verified.reason
+    units = dict.fromkeys(read.about.signals, "m")
+    other = ft.verify(replace(read, about=replace(read.about, signals=units)), count=1)
+    assert not other.valid
+    assert "`signals` must have the units of the flights" in other.reason
 
 
 @pytest.mark.parametrize(

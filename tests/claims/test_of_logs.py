@@ -247,8 +247,8 @@ def test_logs_that_no_monitor_has_are_refused(noisy, change, logs, said):
 def test_models_that_one_log_alone_has_are_refused(noisy):
     monitor = ft.monitor(*noisy)
     (model,) = monitor.logs[0].models
+    last = replace(monitor.logs[4], models=(replace(model, name="yaw"),))
     with pytest.raises(ft.InputError, match="with the same models"):
-        last = replace(monitor.logs[4], models=(replace(model, name="yaw"),))
         replace(monitor, logs=(*monitor.logs[:4], last))
 
 
