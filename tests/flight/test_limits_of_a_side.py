@@ -6,8 +6,9 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight.conditions import manoeuvre_of
+from flighttune.flight import conditions
 from flighttune.flight.load import check_scenario
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
 PER_LOAD = 25.0 * math.radians(1.0) / 9.81  # lift of a degree a second at 25 m/s
 PHI, PHI_RATE, N_Z, N_Z_RATE = [-30.0, 40.0], [-20.0, 50.0], [0.5, 1.3], [-2.0, 0.5]
@@ -92,9 +93,73 @@ def test_a_route_turns_to_either_side_by_the_lesser_limit(limits, same):
 
 def test_the_fastest_change_has_the_limits_of_each_side_less_its_margin():
     stated = {"shape": "feasible", "chi_deg": 20.0, "gamma_deg": 5.0, "margin": 0.2}
-    change = manoeuvre_of(made_up_scenario(limits=SIDES, reference=stated))
+    change = conditions.manoeuvre_of(made_up_scenario(limits=SIDES, reference=stated))
 
     assert change.lower == pytest.approx((-0.8 * math.radians(30.0), 1.0 - 0.8 * 0.5))
     assert change.upper == pytest.approx((0.8 * math.radians(40.0), 1.0 + 0.8 * 0.3))
     assert change.rate_lower == pytest.approx((-0.8 * math.radians(20.0), -1.6))
     assert change.rate_upper == pytest.approx((0.8 * math.radians(50.0), 0.4))
+
+
+LAGGED = {"kind": "point_mass_lag", "roll_lag_rad_s": 3.0, "n_z_lag_rad_s": 4.0, "n_z_delay_s": 0.1}
+
+
+def fastest(flight=None, reference=None, **tables):
+    """The fastest change of a flight in a turn to the right, at 40 Hz."""
+    stated = {"V_a_mps": 20.0, "chi_deg": 30.0, "gamma_deg": 2.0, "phi_deg": 10.0, "g_mps2": 9.8}
+    wanted = {"shape": "feasible", "chi_deg": 20.0, "gamma_deg": 5.0}
+    tables = {"limits": SIDES, "controller": {"rate_hz": 40.0}} | tables
+    return conditions.manoeuvre_of(
+        made_up_scenario(
+            flight=stated | (flight or {}), reference=wanted | (reference or {}), **tables
+        )
+    )
+
+
+def test_the_fastest_change_begins_at_the_flight_or_where_it_is_stated_to():
+    change = fastest()
+    elsewhere = fastest(
+        flight={"n_z": 1.1}, reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}
+    )
+
+    assert change.start == pytest.approx((math.radians(30.0), math.radians(2.0)))
+    assert change.end == elsewhere.end == pytest.approx((math.radians(20.0), math.radians(5.0)))
+    steady = math.cos(math.radians(2.0)) / math.cos(math.radians(10.0))
+    assert change.u_0 == pytest.approx((math.radians(10.0), steady))
+    assert (change.V_a, change.g, change.dt, change.lags) == (20.0, 9.8, 0.025, None)
+    assert change.upper == pytest.approx((0.8 * math.radians(40.0), 1.0 + 0.8 * 0.3))  # 0.2 is left
+    assert elsewhere.start == pytest.approx((math.radians(25.0), math.radians(1.0)))
+    assert elsewhere.u_0 == pytest.approx((math.radians(10.0), 1.1))
+
+
+@pytest.mark.parametrize(("V_a", "lift"), [(20.0, (20.0 / 25.0) ** 2), (30.0, 1.0)])
+def test_the_fastest_change_has_the_lift_and_the_lags_of_an_aircraft_at_its_airspeed(V_a, lift):
+    """The Aerosonde is designed for 25 m/s."""
+    own = load_aircraft("aerosonde").limits
+    wide = {"phi_deg": [-80.0, 80.0], "phi_rate_dps": 500.0, "n_z": [-9.0, 9.0]}
+    change = fastest(
+        flight={"V_a_mps": V_a, "phi_deg": 0.0},
+        limits=wide | {"n_z_rate_per_s": 99.0},
+        plant=[{"kind": "jsbsim", "aircraft": "aerosonde"}],
+    )
+
+    for end, phi, n_z in zip((change.lower, change.upper), own.phi, own.n_z, strict=True):
+        assert end == pytest.approx((0.8 * phi, 1.0 + 0.8 * (lift * n_z - 1.0)))
+    assert change.rate_upper == pytest.approx((0.8 * own.phi_rate, 0.8 * own.n_z_rate))
+    near = ft.loop.load_identified("aerosonde").nearest(V_a, math.radians(2.0))
+    assert change.lags == near.lags
+
+
+def test_commands_of_ramps_lead_by_the_lags_of_the_plant_and_half_a_sample():
+    turning = rolling_in("chi_deg", -12.5, 1.7)
+    lagged = turning.model_copy(update={"plant": made_up_scenario(plant=[LAGGED]).plant})
+    straight, half = made_up_scenario(plant=[LAGGED]), 0.5 / turning.controller.rate_hz
+
+    assert conditions.lead_on(lagged, lagged.plant[0]) == pytest.approx(
+        (1.0 / 3.0 + half, 1.0 / 4.0 + 0.1 + half)
+    )
+    for plant in (None, turning.plant[0]):
+        assert conditions.lead_on(turning, plant) == (half, half)
+    assert conditions.lead_on(straight, straight.plant[0]) == (0.0, 0.0)
+    roll, load = fastest(plant=[LAGGED]).lags
+    assert (roll.whole, load.whole) == pytest.approx((1.0 / 3.0, 0.35))
