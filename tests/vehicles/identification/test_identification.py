@@ -37,6 +37,9 @@ GOOD_FIT = 90.0
 
 EXACT = 1e-9
 
+INTERPOLATED = 2e-4
+"""Of the hold of commands, which is curved between lines."""
+
 SAME_FIT, SAME_DELAY = 1e-3, 1e-4
 """Differences between two identifications of one aircraft, relative and in s."""
 
@@ -102,6 +105,82 @@ def test_lags_of_every_order_are_recovered(lags):
         assert found.delay == pytest.approx(true.delay, abs=DELAY_RECOVERED)
     # The manoeuvre that was not used for the fit is explained.
     assert min(channel.fit_percent for channel in condition.channels.values()) > 99.9
+
+
+def test_responses_are_those_of_the_channels_without_the_hold_of_commands():
+    """Each command moves at the lines of the other channel too, and roll acts on load factor.
+
+    A gain and a delay are interpolated between lines without an error. Below its first line, a
+    channel has none to interpolate.
+    """
+    lines = fit.multisines(LIMITS)[1]
+    omega = np.fft.rfftfreq(fit.SAMPLES, fit.DT / math.tau)
+    commanded = np.zeros((len(omega), 2), complex)
+    for i, line in enumerate(lines):
+        commanded[line, i] = np.exp(1j * line**2)
+        commanded[line, 1 - i] = (0.5, 0.0)[i] * np.exp(0.7j * line)
+    roll, lift = (gain * np.exp(-1j * omega * delay) for gain, delay in ((0.8, 0.03), (1.2, 0.06)))
+    coupling = 0.25 * np.exp(-0.1j * omega)
+    # The step of a held command less the step that ends it, over a sample.
+    hold = np.ones_like(coupling)
+    hold[1:] = (1.0 - np.exp(-1j * omega[1:] * fit.DT)) / (1j * omega[1:] * fit.DT)
+    measured = np.column_stack([roll, lift]) * commanded
+    measured[:, 1] += coupling * commanded[:, 0]
+    before = np.ones((500, 2))  # which does not count
+    experiment = tuple(
+        np.vstack([before, np.fft.irfft(x, axis=0)]) for x in (commanded, measured * hold[:, None])
+    )
+
+    first, second = fit.frequency_responses(experiment, lines)
+    (alone,) = fit.frequency_responses(tuple(x[:, :1] for x in experiment), lines[:1])
+
+    assert first.omega == pytest.approx(omega[lines[0]])
+    assert second.omega == pytest.approx(omega[lines[1]])
+    assert first.own == pytest.approx(roll[lines[0]])
+    assert second.own == pytest.approx(lift[lines[1]])
+    assert first.other[1:] == pytest.approx(coupling[lines[0]][1:], abs=INTERPOLATED)
+    assert second.other == pytest.approx(np.zeros(len(lines[1])), abs=EXACT)
+    assert alone.own == pytest.approx(first.own)
+    assert alone.other is None
+
+
+@pytest.mark.parametrize("true", [FIRST, SECOND, THIRD], ids=["first", "second", "third"])
+def test_of_lags_fitted_to_a_response_the_best_is_that_which_made_it(true):
+    """Of real and imaginary parts with an error of 0.002, which alternates."""
+    omega = np.geomspace(*fit.BAND, 15)
+    error = 0.002 * (-1.0) ** np.arange(15) * (1.0 + 1.0j)
+    response = fit.FrequencyResponse(omega, true.response(omega) + error)
+
+    found = fit.candidates(response)
+
+    best = found[0]
+    assert best.lag.order == true.order
+    for name in ("natural_frequency", "damping", "lag"):
+        assert getattr(best.lag, name) == pytest.approx(getattr(true, name), rel=RECOVERED)
+    assert best.lag.delay == pytest.approx(true.delay, abs=3.0 * DELAY_RECOVERED)
+    assert sorted(each.lag.order for each in found) == [1, 2, 3]
+    for each in found:
+        apart = np.abs(each.lag.response(omega) - response.own)
+        assert each.residual == pytest.approx(np.sqrt(np.mean(apart**2)))
+    assert [each.bic for each in found] == sorted(each.bic for each in found)
+    # by Schwarz, of 30 numbers, where one parameter more is worth its logarithm
+    one, two, three = sorted(found, key=lambda each: each.lag.order)
+    for low, high in ((one, two), (two, three)):
+        gained = 60.0 * math.log(low.residual / high.residual)
+        assert low.bic - high.bic == pytest.approx(gained - math.log(30.0))
+
+
+def test_no_order_is_gained_below_the_finest_distance_and_a_lag_beyond_the_band_is_found():
+    """0.001, whose square is of 30 numbers; the lag responds to the whole band."""
+    omega = np.geomspace(*fit.BAND, 15)
+    true = ft.loop.InnerLag(order=1, natural_frequency=60.0, delay=0.02)
+
+    found = fit.candidates(fit.FrequencyResponse(omega, true.response(omega)))
+
+    assert [each.lag.order for each in found] == [1, 2, 3]
+    assert found[0].lag.natural_frequency == pytest.approx(60.0, rel=RECOVERED)
+    expected = [30.0 * math.log(1e-6) + (order + 1) * math.log(30.0) for order in (1, 2, 3)]
+    assert [each.bic for each in found] == pytest.approx(expected)
 
 
 def test_the_same_seed_gives_the_same_excitation_and_another_one_another():
