@@ -18,6 +18,8 @@ from scipy.stats import binomtest
 import flighttune as ft
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
+from flighttune.control.controller import LawSetup
+from flighttune.control.limits import Limits
 from flighttune.logs.parameters import flown_now
 from flighttune.outputs.drawing.palette import LineStyle
 from flighttune.outputs.pages import beside as page
@@ -154,24 +156,53 @@ def test_margins_are_those_of_a_frequency_response(comparison):
     assert roll.gain_increase == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
 
 
+S = 1j * np.geomspace(1e-2, 60.0, 200_001)
+
+
+def phase_margin(loop, rates):
+    """Phase margin (deg) of the inner loop, cut at roll (0) or lift (1), and a law behind it."""
+    lag = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags[loop]
+    second = S**2 / lag.natural_frequency**2 + 2.0 * lag.damping * S / lag.natural_frequency + 1.0
+    L = np.exp(-S * (lag.delay + 0.01)) / ((1.0 + S * lag.lag) * second) * rates / S
+    crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
+    return np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
+
+
 def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     """``L = G (K_P s + K_I) (s + 1/T) / s^3``: the course wanted turns to the route in T."""
-    own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 1.2]], "K_I": [[0.9, 0.0], [0.0, 0.9]]}
+    own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 0.9]], "K_I": [[0.9, 0.0], [0.0, 0.4]]}
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
     now = flown_now(file, None)
     plan = beside._with_guidance(counting.drawn(stated, gains="own"), now)
     T = plan.scenario.route.look_ahead_s
-    (lag, _) = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
-    s = 1j * np.geomspace(1e-2, 60.0, 200_001)
-    second = s**2 / lag.natural_frequency**2 + 2.0 * lag.damping * s / lag.natural_frequency + 1.0
-    G = np.exp(-s * (lag.delay + 0.01)) / ((1.0 + s * lag.lag) * second)
-    L = G * (1.2 * s + 0.9) * (s + 1.0 / T) / s**3
-    crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
 
-    roll = beside.loops(plan, now)["ours"][0]
+    ours = beside.loops(plan, now)["ours"]
 
-    wanted = np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
-    assert np.degrees(roll.phase_margin) == pytest.approx(wanted, abs=0.5)
+    for loop, (K_P, K_I) in enumerate(((1.2, 0.9), (0.9, 0.4))):
+        wanted = phase_margin(loop, (K_P + K_I / S) * (1.0 + 1.0 / (T * S)))
+        assert np.degrees(ours[loop].phase_margin) == pytest.approx(wanted, abs=0.5)
+
+
+@pytest.mark.parametrize("on_route", [True, False])
+def test_without_a_route_the_loops_over_the_distances_are_open(file, on_route):
+    law = flown_now(file, None).law
+    scenario = ft.load_scenario("circuit" if on_route else "level_turn")
+    made = law.make(LawSetup(dt=0.02, limits=Limits.none(2), g=9.80665))
+    a, b, c, d = made.linear(25.0)
+
+    found = beside.guidance_margins(scenario, beside.inner_loop_of(scenario), law)
+
+    assert a[0] == pytest.approx(4.0 * math.pi * 0.8 / 14.0)
+    for loop, margins in enumerate(found):
+        of_distance = (b[loop] + d[loop] / S) / S if on_route else 0.0
+        wanted = phase_margin(loop, a[loop] + c[loop] / S + of_distance)
+        assert np.degrees(margins.phase_margin) == pytest.approx(wanted, abs=0.5)
+
+
+def test_of_few_flights_the_largest_error_is_the_bound():
+    errors = np.random.default_rng(3).uniform(size=(93, 2))
+    assert (beside.kept_error(errors[:9]) == errors[:9].max(axis=0)).all()
+    assert (beside.kept_error(errors) == np.sort(errors, axis=0)[-2]).all()
 
 
 @pytest.mark.parametrize("lost", ["yours", "ours"])
@@ -251,6 +282,10 @@ def test_shares_of_flights_below_an_error_rise_by_one_flight_at_each(made_up):
     assert y == pytest.approx(100.0 * np.repeat(np.arange(7), 2)[1:-1] / 7.0)
     assert x_ours[-1] == 3.5
     assert y_ours[-1] == pytest.approx(100.0)
+    # what no flight has is no row
+    assert [row["of"] for row in made_up.accuracy] == ["cross track", "course"]
+    assert [row["ours"] for row in made_up.accuracy] == [3.5, pytest.approx(3.5)]
+    assert [row["better"] for row in made_up.accuracy] == [7, 7]
     assert course.x == "course [deg]"
     assert course._seen[0][0] == pytest.approx(x)
 

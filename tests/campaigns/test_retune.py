@@ -442,6 +442,14 @@ def test_what_a_file_does_not_state_is_not_searched(file):
     assert "FW_T_HRATE_FF and FW_T_I_GAIN_PIT" in notes[0]
 
 
+def test_what_a_file_states_beyond_its_published_range_is_named(file, tmp_path):
+    (tmp_path / "slow.params").write_text(PX4.format(500.0))
+
+    assert retune._beyond(flown_now(file)) == []
+    (said,) = retune._beyond(flown_now(tmp_path / "slow.params"))
+    assert "NPFG_PERIOD" in said
+
+
 def test_parameters_of_a_tecs_that_is_not_emulated_are_not_searched(tmp_path):
     old = tmp_path / "old.param"
     old.write_text("NAVL1_PERIOD,17\nTECS_TIME_CONST,5\nTECS_PTCH_DAMP,0.3\n")
