@@ -443,7 +443,7 @@ def test_what_a_file_does_not_state_is_not_searched(file):
 
 
 def test_what_a_file_states_beyond_its_published_range_is_named(file, tmp_path):
-    (tmp_path / "slow.params").write_text(PX4.format(500.0))
+    (tmp_path / "slow.params").write_text(PX4.format(150.0))
 
     assert retune._beyond(flown_now(file)) == []
     (said,) = retune._beyond(flown_now(tmp_path / "slow.params"))
