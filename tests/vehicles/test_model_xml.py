@@ -120,3 +120,52 @@ def test_propellers_of_74_ft_are_in_inches_and_jets_that_are_off_do_not_push(tmp
     thrusts = [jet.findtext("turbine_engine/milthrust") for jet in jets]
     assert thrusts == ["0" if off else None] * 4
     assert [jet.get("file") for jet in jets] == [None if off else "jet"] * 4
+
+
+DERIVATIVES = """
+    <fdm><aerodynamics>
+      <axis name="LIFT">
+        <function name="aero/CLo"><description>at rest</description><value>2</value></function>
+        <function name="aero/CLa"><product><value>3</value><value>4</value></product></function>
+      </axis>
+      <axis name="DRAG"><function name="aero/CDo"><value>5</value></function></axis>
+    </aerodynamics></fdm>"""
+
+
+def derivatives(root, **values):
+    """What the functions of a model are, with these numbers in its placeholders."""
+    filled = fromstring(model_xml.filled(model_xml.template_of(root), values).encode())
+    return [hidden_function(state_of({}), part) for part in filled.iter("function")]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("aero/CLa", (2.0, 18.0, 5.0)), ("CDo", (2.0, 12.0, 7.5))]
+)
+def test_a_factor_on_a_coefficient_is_on_the_function_of_this_name_alone(name, expected):
+    root = fromstring(DERIVATIVES)
+    model_xml.strip_text(root)
+
+    model_xml.scale_coefficient(root, name, Path("mine.xml"))
+
+    factor = {f"{model_xml.COEFFICIENT}{name}": 1.5}
+    assert derivatives(root, **factor) == pytest.approx(expected)
+
+
+def test_a_factor_on_an_axis_is_on_all_its_functions():
+    root = fromstring(DERIVATIVES)
+    model_xml.strip_text(root)
+    assert list(root.iter("description")) == []
+
+    model_xml.scale_axis(root, "lift", Path("mine.xml"))
+
+    assert derivatives(root, lift=0.5) == pytest.approx((1.0, 6.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("CLb", "of mine.xml"), ("aero/CL", "of mine.xml"), ("LIFT", "of mine.xml")]
+)
+def test_a_factor_on_what_is_no_function_is_refused(name, says):
+    with pytest.raises(ft.InputError, match=rf"`coefficient_factors.{name}` must be .* {says}"):
+        model_xml.scale_coefficient(fromstring(DERIVATIVES), name, Path("mine.xml"))
+    with pytest.raises(ft.InputError, match="`side_factor` .* no SIDE axis, only LIFT, DRAG"):
+        model_xml.scale_axis(fromstring(DERIVATIVES), "side", Path("mine.xml"))
