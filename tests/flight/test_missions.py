@@ -9,6 +9,7 @@ import flighttune as ft
 from flighttune.flight import load
 from flighttune.routes.mission import read_route
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.identification.file import LogEvidence
 
 
 def speed(value):
@@ -43,6 +44,9 @@ def test_a_mission_flies_an_aircraft_at_its_identified_airspeed_unless_it_states
     assert plain.route.holds_airspeed is None
     assert (plain.plant[0].kind, plain.plant[0].aircraft) == ("jsbsim", "aerosonde")
     assert load.LAGS_ALONE not in plain.route.notes
+    assert (plain.title, plain.gain_names) == ("m", ("exact:tuned_fed_back",))
+    assert plain.tuning.identified == "aerosonde"
+    assert plain.controller.speed_priority is True
     stated = made(*PATROL[:1], speed(22), *PATROL[1:])
     assert (stated.flight.V_a_mps, stated.route.airspeed_assumed) == (22.0, None)
     chosen = made(*PATROL, **{"flight.V_a_mps": 27.0})
@@ -81,6 +85,22 @@ def test_lags_alone_have_the_limits_of_their_aircraft_and_say_that_they_are_alon
     assert scenario.limits.n_z_rate_per_s == own.n_z_rate
     assert scenario.route.notes[-1] == load.LAGS_ALONE
     assert scenario.speed_priority is False
+
+
+def test_lags_of_a_log_have_the_limits_that_it_shows(made, tmp_path):
+    intervals = {"phi": (1.0, 2.0), "n_z": (1.0, 2.0)}
+    evidence = LogEvidence(
+        logs=("a.csv",), assumed=(), frequency_95_rad_s=intervals, delay_95_s=intervals,
+        stretches={"phi": 3, "n_z": 4}, phi_deg=(-31.0, 33.0), phi_rate_dps=47.0, n_z=(0.6, 1.7),
+        n_z_rate_per_s=0.9,
+    )  # fmt: skip
+    model = ft.loop.load_identified("aerosonde").model_copy(update={"log": evidence})
+    model.save(tmp_path / "of_log.json")
+
+    limits = made(*PATROL, aircraft=str(tmp_path / "of_log.json")).limits
+
+    assert (tuple(limits.phi_deg), limits.phi_rate_dps) == ((-31.0, 33.0), 47.0)
+    assert (tuple(limits.n_z), limits.n_z_rate_per_s) == ((0.6, 1.7), 0.9)
 
 
 def test_an_aircraft_is_a_model_by_the_ending_of_its_file():
