@@ -91,6 +91,8 @@ def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
 
     made = ft.load_scenario(tmp_path / "mine of two words.toml")
     assert [table.kind for table in made.law_tables] == ["exact"]
+    slowest, fastest = tomlkit.parse((theirs / "aircraft.toml").read_text())["envelope"]["V_a_mps"]
+    assert f" # the aircraft flies {slowest:g} to {fastest:g} m/s\n" in text
     assert ft.loop.JSBSimPlant(made.plant[1].aircraft).config.folder == theirs
     assert "flighttune fly 'mine of two words.toml' " in text
 
@@ -133,6 +135,10 @@ def test_requirements_of_options_are_those_of_the_scenario(tmp_path):
     answer("new", "mine", "--overshoot", "3", "--settle", "8", cwd=tmp_path)
     made = ft.load_scenario(tmp_path / "mine.toml")
 
+    written = tomlkit.parse((tmp_path / "mine.toml").read_text())
+    turn, climb = map(float, re.findall(r"by (\d+) deg", written["title"]))
+    assert (turn, written["reference"]["chi_deg"]) == (30.0, 30.0)
+    assert written["reference"]["gamma_deg"] == climb + written["flight"]["gamma_deg"]
     (expected,) = made.expect
     required = {"MO_deg": 3.0, "settling_s": 8.0}
     assert expected.at_most == {"chi": required, "gamma": required}

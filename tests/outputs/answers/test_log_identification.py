@@ -13,6 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 import flighttune as ft
 from flighttune.logs.identify import ChannelOfLogs, Section
 from flighttune.outputs.answers import log_identification as answers
+from flighttune.vehicles.identification import file
 
 DT = 0.05
 STEP = math.radians(10.0)
@@ -101,6 +102,14 @@ def test_the_longest_part_is_drawn_in_degrees_from_its_own_start(found):
     assert fitted[-1] == pytest.approx(10.0)
     assert load._seen[0][1][-1] == pytest.approx(STEP)
     assert [name for name, *_ in roll.legend] == ["commanded", "measured", "lag of order 1"]
+
+
+def test_a_model_is_saved_with_the_figure_of_its_fits(found, tmp_path):
+    saved = found.save(tmp_path / "mine.json")
+
+    assert saved == {"model": tmp_path / "mine.json", "figure": tmp_path / "mine.svg"}
+    assert "lag of order 1" in saved["figure"].read_text()
+    assert file.load_identified(saved["model"]).log.assumed == ("phi", "n_z")
 
 
 def test_a_tube_of_a_model_from_logs_is_of_the_rates_that_they_left(assumed, tmp_path):
