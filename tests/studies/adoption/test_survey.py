@@ -245,33 +245,43 @@ def test_a_drift_is_judged_by_a_tenth_of_the_full_effect_where_that_is_larger():
 
 
 class Engine(survey._Model):
-    """An aeroplane of 1 lb whose thrust and drag are given, by throttle and by airspeed."""
+    """An aeroplane of 4 lb whose thrust and drag per weight are given, by throttle and by airspeed.
+
+    Its second engine gives a quarter of the thrust.
+    """
 
     def __init__(self, thrust, drag, V_a=None):
         tables = {"engines": {}}
         super().__init__(tables=tables, folder=Path(), h=0.0, V_a=V_a, values={})
-        self.thrust, self.drag = thrust, drag
+        self.thrust, self.drag, self.airspeeds = thrust, drag, []
 
     def load(self, **changed):
         tables = self.tables | changed
         full, rate = tables["engines"].get("full", 1.0), tables.get("inner_loop_rate_hz", 200.0)
-        state, numbers = LEVEL, {"inertia/mass-slugs": FT / G, survey.EXTERNAL: 0.0}
-        numbers["propulsion/engine[0]/set-running"] = 1.0
+        state, numbers = LEVEL, {"inertia/mass-slugs": 4.0 * FT / G, survey.EXTERNAL: 0.0}
+        running = [f"propulsion/engine[{i}]/set-running" for i in range(2)]
+        numbers |= dict.fromkeys(running, 0.0)
 
         def accelerations(new):
             nonlocal state
             state = new
-            numbers["forces/fwx-aero-lbs"] = self.drag(state.V_a)
+            self.airspeeds.append(state.V_a)
+            numbers["forces/fwx-aero-lbs"] = 4.0 * self.drag(state.V_a)
 
         def hold(_, still=0.0, rate=rate):
             nonlocal steps
+            assert still == 0.0  # which is for electric engines
             steps = rate
+
+        def pushes(part):
+            pushed = self.pushes(full * state.throttle, steps, tables)
+            return part * pushed * numbers[running[0]]
 
         steps = rate
         fdm = SimpleNamespace(
-            thrusts=[lambda: self.pushes(full * state.throttle, steps, tables)], electric=False,
-            rate=rate, reader=lambda name: lambda: numbers[name], start_engines=lambda: None,
-            hold=hold, shows=lambda _: False, files=None,
+            thrusts=[partial(pushes, 3.0), partial(pushes, 1.0)], electric=False, rate=rate,
+            reader=lambda name: lambda: numbers[name], shows=lambda _: False, files=None, hold=hold,
+            start_engines=lambda: numbers.update(dict.fromkeys(running, 1.0)),
         )  # fmt: skip
         return SimpleNamespace(fdm=fdm, accelerations=accelerations)
 
@@ -305,6 +315,7 @@ def test_the_airspeed_is_the_first_with_thrust_to_spare_or_that_with_most(thrust
     model = Engine(thrust, drag, V_a)
 
     assert model._driven(model.tables, FLAT) == pytest.approx(found)
+    assert model.airspeeds[0] == pytest.approx(V_a or 32.0)
     assert model.tables["engines"]["settle_s"] == 0.0
     assert model.tables["engines"].get("full") == (1.0 / 32.0 if thrust(1.0) > 10.0 else None)
 
@@ -318,7 +329,7 @@ def test_the_airspeed_is_the_first_with_thrust_to_spare_or_that_with_most(thrust
     ],
 )
 def test_engines_that_do_not_drive_an_aeroplane_are_refused(thrust, V_a, words):
-    model = Engine(thrust, lambda V: 0.1, V_a)
+    model = Engine(thrust, lambda V: 0.1 if V < 35.0 else 0.2, V_a)
     with pytest.raises(survey.Refusal, match=words):
         model._driven(model.tables, FLAT)
 
@@ -438,13 +449,17 @@ LINKED = {
          {"fcs/advance-cmd-norm[0]": 0.0}),
     ],
 )  # fmt: skip
-def test_levers_are_moved_until_every_engine_pushes(runs, how, declared, settings):
+def test_levers_are_moved_until_every_engine_pushes(monkeypatch, runs, how, declared, settings):
+    swept = []
+    monkeypatch.setattr(survey, "_swept", lambda _, V: swept.append(V) or FLAT)
     model = Levered(runs)
     before = dict(model.tables["settings"])
 
     model.drive()
 
     assert (model.speed, model.spare) == pytest.approx((32.0, 0.2))
+    assert bool(swept) == bool(how)  # levers may change the weight
+    assert swept == pytest.approx([32.0] * len(swept))
     assert model.notes == ([f"its engines drive it {how}"] if how else [])
     assert model.tables["linked"] == (LINKED if how else {})
     assert model.tables["declared"] == declared
@@ -460,7 +475,7 @@ def test_a_lever_that_is_set_stays_and_a_dead_engine_is_refused(monkeypatch):
     runs.drive()
 
     assert runs.tables["declared"] == {"/controls/magnetos": 1.0}
-    with pytest.raises(survey.Refusal, match="engine 1 of 1 does not push"):
+    with pytest.raises(survey.Refusal, match="engine 1 of 2 does not push"):
         dead.drive()
 
 
