@@ -161,11 +161,32 @@ def test_a_factor_on_an_axis_is_on_all_its_functions():
     assert derivatives(root, lift=0.5) == pytest.approx((1.0, 6.0, 5.0))
 
 
-@pytest.mark.parametrize(
-    ("name", "says"), [("CLb", "of mine.xml"), ("aero/CL", "of mine.xml"), ("LIFT", "of mine.xml")]
-)
-def test_a_factor_on_what_is_no_function_is_refused(name, says):
-    with pytest.raises(ft.InputError, match=rf"`coefficient_factors.{name}` must be .* {says}"):
+@pytest.mark.parametrize("name", ["CLb", "aero/CL", "LIFT"])
+def test_a_factor_on_what_is_no_function_is_refused(name):
+    with pytest.raises(
+        ft.InputError, match=rf"`coefficient_factors.{name}` must be .* of mine.xml"
+    ):
         model_xml.scale_coefficient(fromstring(DERIVATIVES), name, Path("mine.xml"))
-    with pytest.raises(ft.InputError, match="`side_factor` .* no SIDE axis, only LIFT, DRAG"):
-        model_xml.scale_axis(fromstring(DERIVATIVES), "side", Path("mine.xml"))
+
+
+def test_a_name_of_two_coefficients_is_refused_with_both_and_an_axis_with_those_there_are():
+    twice = DERIVATIVES.replace("aero/CDo", "wing/CLo")
+    with pytest.raises(ft.InputError, match="it means aero/CLo, wing/CLo"):
+        model_xml.scale_coefficient(fromstring(twice), "CLo", Path("mine.xml"))
+    with pytest.raises(
+        ft.InputError, match=r"`side_force_factor` .* no SIDE axis, only LIFT, DRAG"
+    ):
+        model_xml.scale_axis(fromstring(DERIVATIVES), "side_force", Path("mine.xml"))
+
+
+def test_a_factor_on_a_part_of_a_function_is_on_this_part_alone():
+    named = DERIVATIVES.replace("<value>4</value>", '<sum name="slope"><value>4</value></sum>')
+    root = fromstring(named.replace("<value>3</value>", "<value>7</value>"))
+    model_xml.strip_text(root)
+
+    model_xml.scale_coefficient(root, "slope", Path("mine.xml"))
+
+    (sum_,) = root.iter("sum")
+    (scaled,) = (part for part in root.iter("product") if sum_ in list(part))
+    (factor,) = scaled.findall("value")
+    assert factor.text == model_xml.placeholder(f"{model_xml.COEFFICIENT}slope")
