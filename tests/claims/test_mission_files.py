@@ -146,6 +146,7 @@ def test_a_band_is_shown_with_what_stands_beside_it(place):
     assert left.per_hour is None
 
 
+@pytest.mark.slow
 def test_what_stands_beside_a_band_and_is_of_another_route_is_not_shown(place):
     """Another seed is of the same mission."""
     mission(place / "far.plan", corner=(47.405, 8.507))
