@@ -168,9 +168,11 @@ def phase_margin(loop, rates):
     return np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
 
 
-def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
-    """``L = G (K_P s + K_I) (s + 1/T) / s^3``: the course wanted turns to the route in T."""
+@pytest.mark.parametrize("k", [(0.0, 0.0), (0.2, 0.1)])
+def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file, k):
+    """``L = G ((1 + k) (K_P s + K_I) (s + 1/T) / s^3 + k)``: the course wanted turns to it in T."""
     own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 0.9]], "K_I": [[0.9, 0.0], [0.0, 0.4]]}
+    own["feedback"] = [*k]
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
     now = flown_now(file, None)
     plan = beside._with_guidance(counting.drawn(stated, gains="own"), now)
@@ -179,7 +181,8 @@ def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     ours = beside.loops(plan, now)["ours"]
 
     for loop, (K_P, K_I) in enumerate(((1.2, 0.9), (0.9, 0.4))):
-        wanted = phase_margin(loop, (K_P + K_I / S) * (1.0 + 1.0 / (T * S)))
+        rates = (1.0 + k[loop]) * (K_P + K_I / S) * (1.0 + 1.0 / (T * S)) + k[loop] * S
+        wanted = phase_margin(loop, rates)
         assert np.degrees(ours[loop].phase_margin) == pytest.approx(wanted, abs=0.5)
 
 

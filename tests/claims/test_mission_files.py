@@ -144,6 +144,9 @@ def test_a_band_is_shown_with_what_stands_beside_it(place):
     left = kept_mission(band, file)
     assert left.files.keys() == BESIDE.keys() - {"kml", "per_hour"}
     assert left.per_hour is None
+    (place / "m-turn-back.npz").unlink()
+    alone = kept_mission(band, file)
+    assert (alone.room, {*alone.files}) == (None, {"band"})
 
 
 @pytest.mark.slow
