@@ -140,6 +140,10 @@ class BatchResult(NamedTuple):
     ends: npt.NDArray[np.int64]
     trajectories: FloatArray  # (N, 14, k): `SIGNALS` over time, NaN after the end
 
+    def signal(self, name: str) -> FloatArray:
+        """One of `SIGNALS` over time, shape (N, k)."""
+        return self.trajectories[:, SIGNALS.index(name)]
+
 
 def fly_sampled(
     controllers: Sequence[MimoPI | ExactLaw],
