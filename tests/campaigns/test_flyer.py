@@ -2,12 +2,14 @@
 
 import gc
 import sys
+import tempfile
 import weakref
 from contextvars import copy_context
 
 import pytest
 
 import flighttune as ft
+from flighttune.base.files import whole
 from flighttune.campaigns.engine.flyer import Flyer, work_of
 from flighttune.campaigns.engine.server import _prepared
 
@@ -19,6 +21,25 @@ def test_a_process_that_cannot_start_names_the_file_that_it_needs(tmp_path, monk
 
     with pytest.raises(ft.loop.PlantError, match=f"^{python}: the process that flies must start"):
         Flyer()
+
+
+def test_folders_of_killed_processes_are_removed_and_those_in_use_stay(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "no python"))
+    left, used, other = (
+        tmp_path / name for name in ("flighttune-left", "flighttune-used", "somebody-else")
+    )
+    for folder in (left, used, other):
+        folder.mkdir()
+        (folder / "lock").touch()
+
+    with (used / "lock").open() as file:
+        whole.lock(file)
+        with pytest.raises(ft.loop.PlantError):
+            Flyer()
+
+    assert [left.exists(), used.exists(), other.exists()] == [False, True, True]
 
 
 def test_a_process_keeps_nothing_of_the_plans_before():
