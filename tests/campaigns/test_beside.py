@@ -28,6 +28,7 @@ from flighttune.studies import beside
 CORNERS = (0.0, 0.0), (100.0, 0.0), (150.0, 50.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
+LONG = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in ((0, 0), (500, 0), (700, 300))]}
 LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
 FOUR = {"flights": 4, "workers": 1, "changes": {"route.waypoint": LEG}}
 
@@ -341,7 +342,7 @@ def test_a_signal_is_kept_below_what_it_exceeds_in_a_twentieth_of_the_time():
 
 @pytest.mark.soak
 def test_a_log_lies_among_the_flights_or_not(file, tmp_path):
-    tables = ft.load_scenario("circuit", changes=SHORT).as_dict()
+    tables = ft.load_scenario("circuit", changes=LONG).as_dict()
     law = {"name": "l1", "kind": "autopilot", "parameters": {"NAVL1_PERIOD": 14.0}}
     flown = ft.fly(ft.scenario_from(tables | {"law": [law], "gains": ["paper"], "expect": []}))
     run = next(run for run in flown.runs if run.status == "completed")
@@ -350,7 +351,8 @@ def test_a_log_lies_among_the_flights_or_not(file, tmp_path):
     off = {"cross_track": 0.0 * t + 50.0, "phi_cmd": 2.0 * signals["phi_cmd"]}
     far = write_dataflash(tmp_path / "far.bin", t, signals | off)
     for log, among in ((near, None), (far, "outside of")):
-        answer = ft.compare("circuit_in_wind", autopilot=file, log=str(log), **FEW).answer()
+        of_log = {**FEW, "changes": LONG, "log": str(log)}
+        answer = ft.compare("circuit_in_wind", autopilot=file, **of_log).answer()
         cross, height, roll = answer.values["tracking"]
         assert "not checked" not in answer.summary[3]
         if among is None:
