@@ -12,7 +12,7 @@ from scipy.signal import lfilter, lsim
 
 import flighttune as ft
 from flighttune.logs import identify
-from flighttune.vehicles.identification import file, fit
+from flighttune.vehicles.identification import fit
 from flighttune.vehicles.identification.fit import fit_percent
 
 SAMPLE = 0.04
@@ -138,7 +138,7 @@ def test_the_interval_of_a_frequency_is_as_wide_as_its_noise_allows(monkeypatch)
 
 @pytest.mark.soak
 def test_limits_are_those_seen(model):
-    evidence = ft.loop.file.load_identified(model).log
+    evidence = ft.loop.load_identified(model).log
 
     assert evidence.phi_deg[0] > -46.0
     assert evidence.phi_deg[1] < 46.0
@@ -258,7 +258,7 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     swing = 0.02 * 10.0 / (2.0 * np.pi) * -np.cos(2.0 * np.pi * run.t / 10.0)
     signals = run.signals.assign(chi=run.signals["chi"] + swing)
     shaken = ft.Run(signals=signals, status="completed", reason="", provenance=run.provenance)
-    quiet, found = ft.loop.file.load_identified(model).log, ft.identify(shaken).identified
+    quiet, found = ft.loop.load_identified(model).log, ft.identify(shaken).identified
     found.save(tmp_path / "mine.json")
     found = ft.loop.load_identified(tmp_path / "mine.json")
     flighttune("new", "mine", "--aircraft", "mine.json", cwd=tmp_path)
@@ -499,7 +499,7 @@ def test_a_channel_that_never_moves_shows_no_limits_and_its_model_is_read_again(
     for name, limits in (("phi", "-45 to 45, 60 per s"), ("n_z", "0.5 to 1.5, 2 per s")):
         assert found.untold[name].endswith(f"; its limits are assumed: {limits}")
     model = found.save(tmp_path / "mine.json")["model"]
-    evidence = file.load_identified(model).log
+    evidence = ft.loop.load_identified(model).log
     assert evidence.limits_assumed == ("phi", "n_z")
     assert (evidence.phi_deg, evidence.phi_rate_dps) == ((-45.0, 45.0), 60.0)
 
