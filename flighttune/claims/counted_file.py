@@ -108,7 +108,7 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     if "by_rtk" in arrays:
         shapes["by_rtk"] = len(arrays["by_rtk"]), 2
     array.check_shapes("band", learned | arrays, shapes)
-    if "by_rtk" in arrays and not about.kind.beside_rtk:  # all but `extremes` are finite
+    if "by_rtk" in arrays and not about.kind.beside_rtk:
         raise InputError("`by_rtk` must be of a band.")
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")

@@ -334,6 +334,8 @@ def _cures(motion: Motion, relation: Relation, match: Match) -> Iterator[Cure]:
                 yield Cure(group, said, _moved(group, by), 0.4 + 0.05 * len(group))
         yield from _changed(name, match, stated=stated)
         if name == "v_east" and "v_north" in given and abs(match.turned) > relation.turned:
+            # The relation of v_north measures the turn of the velocity; all others measure that of
+            # what is compared with the velocity, which turns the other way.
             by = -match.turned if relation.name == "v_north" else match.turned
             said = f"a turn of the velocity by {by * DEG_PER_RAD:+.1f} deg would do"
             yield Cure(("v_north", "v_east"), said, _rotated(by), 0.4)

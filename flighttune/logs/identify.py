@@ -535,7 +535,7 @@ def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
 def _range(runs: Sequence[Run], name: str) -> tuple[tuple[float, float], float]:
     """Observed range of a command, else of the response, and the fastest observed response.
 
-    They are those of `UNSEEN` where the logs have none, and where it never moves.
+    Both are those of `UNSEEN` for a channel that the logs do not have, or that never moves in them.
     """
     unit = DEG_PER_RAD if name == "phi" else 1.0
     values, rates = [np.zeros(0)], [np.zeros(0)]
@@ -546,7 +546,7 @@ def _range(runs: Sequence[Run], name: str) -> tuple[tuple[float, float], float]:
             change = np.gradient(run.signals[name].to_numpy(dtype=float), run.t)
             rates.append(np.abs(unit * change[np.isfinite(change)]))
     observed, moved = np.concatenate(values), np.concatenate(rates)
-    if not len(observed) or (rate := float(np.percentile(moved, 99.0))) < STILL:
+    if not (len(observed) and len(moved)) or (rate := float(np.percentile(moved, 99.0))) < STILL:
         return UNSEEN[name]
     low, high = np.percentile(observed, (0.5, 99.5))
     return (float(low), float(high)), rate

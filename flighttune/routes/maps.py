@@ -285,7 +285,7 @@ class _Shapes:
             self.found.append(shape)
 
     def _put_text(self, kind: str, above: list[str]) -> None:
-        """The text of an element of `READ`, up to the first element in it, and the tag above it."""
+        """Take the text of an element of `READ`, in the element `above`, up to its first child."""
         if self._text is None:
             return
         text, self._text = "".join(self._text), None

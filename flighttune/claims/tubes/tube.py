@@ -131,7 +131,7 @@ def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
     lost = len(ranges)
     reason = f"{stop} from t = {t[lost]:.2f} s on"
     span = round(DOUBLING / (t[1] - t[0]))
-    if not 0 < span < lost:  # samples of a slow loop are further apart
+    if not 0 < span < lost:  # a slow loop has no two samples within `DOUBLING`
         return reason
     widths = np.ptp([errors[:2] for errors in ranges], axis=2)
     steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
