@@ -138,7 +138,7 @@ def _turned(
     omega = rps * 2.0 * math.pi
     torque = -file.sense * power / select(omega > _STILL, omega, _STILL)
     now[f"{engine.at}/propeller-torque-ftlb"] = torque
-    excess = select(omega > _STILL, left_over / omega, left_over / 1.0)
+    excess = left_over / select(omega > _STILL, omega, 1.0)
     new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * now.elapsed) * 60.0
     new = select(new < 0.0, 0.0, new)
     now[f"{engine.at}/propeller-rpm"], now[f"{engine.at}/engine-rpm"] = new, new * file.gear_ratio

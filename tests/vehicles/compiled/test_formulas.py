@@ -14,6 +14,7 @@ from flighttune.vehicles.compiled import (
     engine_files,
     engines,
     pistons,
+    propellers,
     tables,
     turbines,
     turboprops,
@@ -78,6 +79,28 @@ def test_a_turboprop_spools_up_and_down_by_a_time_constant_for_each(start, targe
     assert value == pytest.approx(target + left, rel=ROUNDING)
 
 
+@pytest.mark.parametrize("limit", ["", "<ielumaxtorque>0.5</ielumaxtorque>"])
+def test_a_torque_above_its_limit_moves_the_lever_down_and_one_below_slowly_up_again(limit):
+    """By 10 % and 5 % a second; FGTurboProp.cpp takes no limit where a file states none."""
+    engine = engine_of(f"<turboprop_engine>{limit}</turboprop_engine>", "<propeller/>")
+    now = state_of({engine.throttle: 0.6, "_lever0": 0.6, "_limited0": 0.0})
+
+    def levers(torque, steps, throttle=0.6):
+        now[f"{AT}/propeller-torque-ftlb"], now[engine.throttle] = torque, throttle
+        return [turboprops._torque_limited(now, engine) for _ in range(steps)]
+
+    down, up = levers(-0.51, 12), levers(0.49, 12)
+    there, back = levers(0.49, 40), levers(-0.51, 2, throttle=0.3)
+
+    n = np.arange(1.0, 13.0)
+    moves = 1.0 if limit else 0.0
+    assert down == pytest.approx(0.6 - moves * 0.1 * DT * n, abs=ROUNDING)
+    assert up == pytest.approx(0.6 - moves * DT * (1.2 - 0.05 * n), abs=ROUNDING)
+    assert there[11] == pytest.approx(0.6, abs=ROUNDING)
+    assert there[13:] == [0.6] * 27
+    assert back == [0.3, 0.3 - moves * 0.1 * DT]
+
+
 @pytest.mark.parametrize(
     ("phi", "theta", "psi"), [(0.3, 0.2, 1.0), (-2.8, -1.2, 3.5), (3.0, 1.4, 6.0), (0.4, 0.5, 0.0)]
 )
@@ -120,6 +143,37 @@ def test_a_propeller_is_what_its_file_states_and_otherwise_what_jsbsim_takes():
     of_bare, of_stated = (tuple(getattr(x, name) for name in names.split()) for x in (bare, stated))
     assert of_bare == (1e-6, 0.001, 1.0, 1.0, 1.0, 0.0, 1.0, None, False)
     assert of_stated == (0.5, 6.0, 2.0, 0.9, -1.0, 3.0, 1.0, (10.0, 40.0, 850.0, 2700.0), True)
+
+
+@pytest.mark.parametrize(
+    ("rpm", "power", "left_over", "torque", "after"),
+    [
+        (1200.0, 500.0, 300.0, 500.0, 300.0),
+        (1200.0, -500.0, -300.0, -500.0, -300.0),
+        (600.0, -500.0, -1e7, -500.0, -math.inf),  # braked, it stops and does not turn backwards
+        (0.0, 40.0, 3.0, 40.0 / 0.01, 3.0),  # at rest power counts at 0.01 rad/s, its rise at 1
+    ],
+)
+def test_what_a_propeller_does_not_take_turns_it_faster_until_it_stops(
+    rpm, power, left_over, torque, after
+):
+    """``I omega d(omega)/dt`` is the power that is left; torque is against the sense."""
+    now = state_of({f"{AT}/propeller-rpm": rpm, **dict.fromkeys(propellers.INERTIAL_RATES, 0.0)})
+    part = '<propeller version="1.1"><ixx>0.5</ixx><gearratio>2</gearratio></propeller>'
+    engine = engine_of("<piston_engine/>", part, "<sense>-1</sense>")
+    now["velocities/qi-rad_sec"], now["velocities/ri-rad_sec"] = 0.3, -0.2
+    omega = rpm / 60.0 * 2.0 * math.pi
+
+    moment = propellers._turned(now, engine, engine_files.propeller_of(engine), power, left_over)
+
+    torque = torque / omega if omega else torque
+    faster = omega + after / 0.5 / (omega or 1.0) * DT
+    turns = max(0.0, faster * 60.0 / (2.0 * math.pi))
+    assert now[f"{AT}/propeller-torque-ftlb"] == pytest.approx(torque, rel=ROUNDING)
+    assert now[f"{AT}/propeller-rpm"] == pytest.approx(turns, rel=ROUNDING)
+    assert now[f"{AT}/engine-rpm"] == pytest.approx(2.0 * turns, rel=ROUNDING)
+    # the moment of the spin is that of JSBSim's sign for files of this version
+    assert moment == pytest.approx([torque, -0.1 * omega, -0.15 * omega], rel=ROUNDING)
 
 
 @pytest.mark.parametrize(("lever", "n_1", "n_2"), [(0.0, 30.0, 60.0), (1.0, 100.0, 100.0)])
