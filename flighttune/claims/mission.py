@@ -122,6 +122,7 @@ class MissionOdds(Answering):
                     beside.write(VolumesMap(*around), self.band.flights.scenario.title)
                 else:
                     beside.remove_volumes()
+                    files = {name: files[name] for name in files if name not in ("volumes", "kml")}
         return replace(self, room=room, files=files)
 
 

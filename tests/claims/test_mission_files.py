@@ -119,8 +119,9 @@ def test_of_a_room_that_is_not_claimed_no_volumes_are_left(place):
     extremes = odds.room.extremes.copy()
     extremes[:] = np.float32([-np.inf, np.inf])
 
-    odds.with_room(replace(odds.room, extremes=extremes))
+    left = odds.with_room(replace(odds.room, extremes=extremes))
 
+    assert not {"volumes", "kml"} & left.files.keys()
     assert names(place) == WRITTEN - {"m.geojson", "m.kml"}
     assert not ft.load(place / "m-turn-back.npz").claims
 
