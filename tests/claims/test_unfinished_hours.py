@@ -1,18 +1,22 @@
 """Counts per flight hour that are killed go on to the same file; those of earlier counts go."""
 
+import os
 import shutil
 import signal
-import subprocess
-import sys
 import tomllib
+from contextlib import contextmanager
+from unittest import mock
 
 import numpy as np
 import pytest
+from fuzzing import in_child
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.claims import counting, hourly_flights, leaving, per_hour
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.flying.rows import rows_flown
+from flighttune.claims import counting, hourly_flights, leaving, per_hour, unfinished
 from flighttune.claims.rates_keys import RatesTable
 from flighttune.claims.unfinished_hours import KeptTerms
 
@@ -37,21 +41,23 @@ flights = 6
 ended_s = 0.5
 """
 
-# Killed by itself after so many flights of what it says that it does.
-KILLED = f"""
-import os, signal, sys
-import flighttune as ft
-from flighttune.claims import unfinished
-unfinished.FIRST = 4
-class Killed(ft.CampaignObserver):
-    def see(self, progress):
-        if progress.doing.startswith(sys.argv[3]) and progress.flown >= int(sys.argv[4]):
-            os.kill(os.getpid(), signal.SIGKILL)
-    def hear(self, sentence):
-        print(sentence, flush=True)
-plan, folder = sys.argv[1:3]
-ft.mission(plan, out=f"{{folder}}/m.npz", rates="rates.toml", observer=Killed(), **{FEW!r})
-"""
+
+@contextmanager
+def flown_here(until="never", most=0):
+    """Flights in this process, which kills itself after so many of them in what it does then."""
+
+    def rows(pool, plan, runs, doing="flying", **options):
+        made = []
+        for row in rows_flown(plan, runs, **options):
+            pool.observer.see(pool.progress)
+            if doing.startswith(until) and pool.progress.flown >= most:
+                os.kill(os.getpid(), signal.SIGKILL)
+            pool.progress.flown += 1
+            made.append(row)
+        return made
+
+    with mock.patch.object(WorkerPool, "rows", rows):
+        yield
 
 
 class Seen(ft.CampaignObserver):
@@ -99,26 +105,35 @@ def place(tmp_path_factory):
     start = item(22, 15, 0, 0, None, 47.4, 8.5, 60)
     plan_file(folder / "m.plan", start, waypoint(47.403, 8.5, 60), geoFence=fence)
     (folder / "rates.toml").write_text(RATES)
-    ft.mission(folder / "m.plan", out=folder / "m.npz", rates=folder / "rates.toml", **FEW)
+    with flown_here():
+        ft.mission(folder / "m.plan", out=folder / "m.npz", rates=folder / "rates.toml", **FEW)
     return folder
 
 
 @pytest.mark.soak
-def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(place, tmp_path):
+def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(place, tmp_path, monkeypatch):
     """Killed within the first kind of flights, and after 14 more within the last one."""
-    file = tmp_path / "m-per-hour-unfinished.json"
+    monkeypatch.setattr(unfinished, "FIRST", 4)
+    file, said = tmp_path / "m-per-hour-unfinished.json", tmp_path / ".said"
+    out, rates, seen = tmp_path / "m.npz", place / "rates.toml", Seen()
+
+    def counted():
+        ft.mission(place / "m.plan", out=out, rates=rates, observer=seen, **FEW)
+
+    def killed(doing, flown):
+        seen.hear = said.write_text
+        with flown_here(doing, flown):
+            counted()
+
     last = "counting link lost, turn back after 0.5 s: their ends"
     for doing, flown in (("counting healthy flight", 9), (last, 14)):
-        command = [sys.executable, "-c", KILLED, place / "m.plan", tmp_path, doing, str(flown)]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-        assert done.returncode == -signal.SIGKILL
+        assert in_child(lambda of=(doing, flown): killed(*of), 60.0, 8 << 30) == "ended by SIGKILL"
         left = {x.name for x in tmp_path.glob("[!.]*")}
         assert left == {"m-unfinished.npz", file.name}  # no file of the answer
-    assert f"{file}: 9 flights are counted already." in done.stdout
+    assert said.read_text() == f"{file}: 9 flights are counted already."
 
-    seen = Seen()
-    out, rates = tmp_path / "m.npz", place / "rates.toml"
-    ft.mission(place / "m.plan", out=out, rates=rates, observer=seen, **FEW)
+    with flown_here():
+        counted()
 
     assert seen.said[-1] == f"{file}: 18 flights are counted already."
     assert [*seen.stages] == ["stage 1 of 2, ", "stage 2 of 2, "]
@@ -133,7 +148,8 @@ def test_a_new_count_without_rates_leaves_none_of_an_earlier_one(place, tmp_path
     for name in ("m.npz", "m-per-hour.json"):
         shutil.copy(place / name, tmp_path)
     (tmp_path / "m-turn-back.npz").write_text("a file of somebody else")
-    ft.mission(place / "m.plan", out=tmp_path / "m.npz", seed=3, **FEW)
+    with flown_here():
+        ft.mission(place / "m.plan", out=tmp_path / "m.npz", seed=3, **FEW)
 
     assert {x.name for x in tmp_path.glob("[!.]*")} == {"m.npz", "m-turn-back.npz"}
 
@@ -147,7 +163,8 @@ def test_a_band_that_is_written_to_another_place_leaves_none_of_an_earlier_one(p
     shutil.copy(place / "m-per-hour.json", other)
     (other / "m-turn-back.npz").write_text("a file of somebody else")
 
-    ft.mission(first / "m.npz", out=other / "m.npz", workers=1)
+    with flown_here():
+        ft.mission(first / "m.npz", out=other / "m.npz", workers=1)
 
     assert {x.name for x in other.iterdir()} == {"m.npz", "m-turn-back.npz"}
 
