@@ -3,7 +3,7 @@
 import re
 import shlex
 import tomllib
-from functools import cache
+from functools import cache, reduce
 from importlib.metadata import version
 from pathlib import Path
 
@@ -101,10 +101,15 @@ FILES = {
 
 
 LONG = re.compile(
-    r"flighttune (meet (?!mine\.toml --budget)|monitor|tube|reproduce|tune paper --prove"
-    r"|worst first_campaign$|mission runs/|verify (bound|monitor)\.)"
+    r"flighttune (meet (?!mine\.toml --budget)|monitor|tube|reproduce|worst first_campaign$"
+    r"|mission runs/|verify (bound|monitor)\.|(fly|export) .*--claim monitor"
+    r"|certify mission --gains|tune paper --(prove|frontier$)|(adopt |trim |fly aircraft/)737"
+    r"|trim (aerosonde$|a4|c172p)|report runs/paper$)"
 )
-"""Commands that take ten seconds to minutes, and which other tests run on less."""
+"""Commands that take seconds to minutes, and which other pages or tests run on less."""
+
+FEWER = {"--budget 240": "--budget 24", "--runs 30": "--runs 3"}
+"""Numbers of flights for which fewer do as well."""
 
 
 EXAMPLES = [
@@ -176,7 +181,8 @@ def folder(tmp_path_factory):
 
 def quick(name):
     """Commands of a page that CI runs; of a tutorial whose commands build on each other, none."""
-    return [c for c in RUN[name] if not LONG.match(c) and name != "docs/meet.md"]
+    commands = [c for c in RUN[name] if not LONG.match(c) and name != "docs/meet.md"]
+    return [reduce(lambda c, many: c.replace(many, FEWER[many]), FEWER, c) for c in commands]
 
 
 CASES = [
