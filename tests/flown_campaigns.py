@@ -258,3 +258,35 @@ def flown_here(rows=rows_flown):
 
     with mock.patch.object(WorkerPool, "rows", flown):
         yield WorkerPool(Fliers())
+
+
+@contextmanager
+def seen_here():
+    """Fly in this process, without workers, while the observer sees each flight before it is kept.
+
+    An observer that kills its process leaves what a kill leaves: `fuzzing.in_child` has a process.
+    """
+
+    def seen(pool, plan, runs, doing="flying", **options):
+        pool.progress.doing = doing
+        for row in rows_flown(plan, runs, **options):
+            pool.observer.see(pool.progress)
+            yield row
+            pool.progress.flown += 1
+
+    with mock.patch.object(WorkerPool, "rows", seen):
+        yield
+
+
+class Killer(ft.CampaignObserver):
+    """Kills its process once it does something and so many flights are there.
+
+    What it hears last is in a file.
+    """
+
+    def __init__(self, said, most, doing=""):
+        self._most, self._doing, self.hear = most, doing, said.write_text
+
+    def see(self, progress):
+        if progress.doing.startswith(self._doing) and progress.flown >= self._most:
+            os.kill(os.getpid(), signal.SIGKILL)

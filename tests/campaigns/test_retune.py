@@ -2,9 +2,6 @@
 
 import math
 import re
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,8 +10,9 @@ import pandas as pd
 import pytest
 from commands import flighttune
 from dispersed import WIND, plan_of, tables_of, uniform
-from flown_campaigns import flown_here
-from log_files import sampled, straight_log, write_dataflash
+from flown_campaigns import Killer, flown_here, seen_here
+from fuzzing import in_child
+from log_files import straight_log
 from made_up import made_up_run
 from places import SHIPPED_SCENARIOS
 
@@ -694,6 +692,19 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
     assert words in " ".join(flighttune("meet", *options, status=2)[1].split())
 
 
+def bend_in_wind():
+    """Flights of 14 s on the lags of an aircraft in any wind of up to 3 m/s."""
+    tables = tables_of(
+        ({"kind": "point_mass_lag", "identified": "aerosonde"},),
+        route={"waypoint": [{"north_m": n, "east_m": e} for n, e in BEND]},
+        flight={"V_a_mps": 25.0, "duration_s": 14.0, "h_m": 500.0},
+        controller={"rate_hz": 10.0, "feed_forward": True},
+    )
+    del tables["reference"]
+    wind = uniform("wind.speed_mps", 0.0, 3.0), uniform("wind.from_deg", 0.0, 359.0)
+    return plan_of(tables, *wind)
+
+
 @pytest.fixture
 def bettered(tmp_path, monkeypatch):
     """A slow period, bettered on the lags of an aircraft in a bend, beside a log off the track.
@@ -713,22 +724,9 @@ def bettered(tmp_path, monkeypatch):
     slow = tmp_path / "slow.params"
     slow.write_text("".join(PX4.format(80.0).splitlines(keepends=True)[:4]))  # nothing of height
     log = straight_log(tmp_path / "log.bin", {}, cross_track=40.0, height_err=0.0)
-    tables = tables_of(
-        ({"kind": "point_mass_lag", "identified": "aerosonde"},),
-        route={"waypoint": [{"north_m": n, "east_m": e} for n, e in BEND]},
-        flight={"V_a_mps": 25.0, "duration_s": 14.0, "h_m": 500.0},
-        controller={"rate_hz": 10.0, "feed_forward": True},
-    )
-    del tables["reference"]
-    wind = uniform("wind.speed_mps", 0.0, 3.0), uniform("wind.from_deg", 0.0, 359.0)
     with flown_here():
         found = ft.meet(
-            ft.flights(plan_of(tables, *wind)),
-            autopilot=slow,
-            flights=6,
-            budget=26,
-            workers=1,
-            log=log,
+            ft.flights(bend_in_wind()), autopilot=slow, flights=6, budget=26, workers=1, log=log
         )
     return found, seeds
 
@@ -777,20 +775,18 @@ def test_what_betters_a_slow_period_is_counted_on_fresh_draws_and_written(better
 
 @pytest.mark.soak
 def test_a_slow_period_is_bettered_written_and_read_back(tmp_path, monkeypatch):
-    monkeypatch.setattr(retune, "DRAWS", 3)
-    monkeypatch.setattr(retune, "FINAL_DRAWS", 6)
-    slow, out, log = (tmp_path / x for x in ("slow.params", "tuned.params", "flown.bin"))
+    monkeypatch.setattr(retune, "DRAWS", 1)
+    monkeypatch.setattr(retune, "FINAL_DRAWS", 1)
+    slow, out = (tmp_path / x for x in ("slow.params", "tuned.params"))
     of_track = PX4.format(80.0).splitlines(keepends=True)[:4]  # the height is not searched
     slow.write_text("".join(of_track))
-    run = ft.fly("level_turn", gains=["paper"]).runs[0]
-    t, signals = sampled(run, noise=False, dropouts=False, late=False)
-    beside = {"cross_track": 0.0 * t + 50.0, "height_err": 0.0 * t}
-    write_dataflash(log, t, signals | beside)
-    options = ["--with", slow, "--flights", 16, "--budget", 90, "--out", out, "--workers", 1]
+    log = straight_log(tmp_path / "flown.bin", {}, cross_track=50.0, height_err=0.0)
+    options = ["--with", slow, "--flights", 6, "--budget", 26, "--out", out, "--workers", 1]
     options += ["--log", log, "--navigation", "exact"]
-    legs = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (300.0, 0.0), (420.0, 180.0))]
+    legs = [{"north_m": n, "east_m": e} for n, e in BEND]
     route = [f"--set=route.waypoint={legs}".replace("':", "'=")]
-    said = flighttune("meet", "circuit_in_wind", *options, *route, status=0)[0]
+    with flown_here():
+        said = flighttune("meet", "circuit_in_wind", *options, *route, status=0)[0]
     now, then = (flown_now(x).law.parameters for x in (slow, out))
     assert then["NPFG_PERIOD"] < now["NPFG_PERIOD"]
     assert "emulation of guidance and height" in out.read_text()
@@ -871,51 +867,24 @@ def test_flights_of_several_plans_are_kept_and_none_is_flown_twice(plan, tmp_pat
     assert not file.exists()
 
 
-# A small search in a copy of this process that is killed by itself once so many flights are there;
-# then it goes on, and one that is not killed flies.
-SEARCHES = """
-import os, signal, sys
-import flighttune as ft
-from flighttune.studies import retune
-retune.DRAWS = retune.FINAL_DRAWS = 1
-class Killed(ft.CampaignObserver):
-    def __init__(self, most):
-        self.most = most
-    def see(self, progress):
-        if progress.flown >= self.most:
-            os.kill(os.getpid(), signal.SIGKILL)
-    def hear(self, sentence):
-        print(sentence)
-def search(most, kept, workers):
-    found = ft.meet(
-        "circuit_in_wind", autopilot=sys.argv[1], flights=2, budget=20, kept=kept,
-        workers=workers, observer=Killed(most), changes=CHANGES,
-    )
-    print(found.changes, found.start.errors.tolist(), found.best.errors.tolist(), found.flights)
-if child := os.fork():
-    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-else:
-    search(11, sys.argv[2], 1)
-    os._exit(0)
-print(len(open(sys.argv[2]).readlines()))
-search(99, sys.argv[2], 2)
-search(99, None, 1)
-"""
-
-
 @pytest.mark.soak
-def test_a_killed_search_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
-    kept = tmp_path / "runs" / "kept.jsonl"
-    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
-    text = SEARCHES.replace("CHANGES", repr({"route.waypoint": legs, "gains": ["paper"]}))
+def test_a_killed_search_goes_on_and_is_the_same_to_the_bit(file, tmp_path, monkeypatch):
+    monkeypatch.setattr(retune, "DRAWS", 1)
+    monkeypatch.setattr(retune, "FINAL_DRAWS", 1)
+    kept, said = tmp_path / "runs" / "kept.jsonl", tmp_path / "said"
+
+    def search(most=math.inf, kept=None):
+        options = {"flights": 2, "budget": 20, "kept": kept, "observer": Killer(said, most)}
+        with seen_here():
+            return ft.meet(ft.flights(bend_in_wind()), autopilot=file, **options)
 
     # the start and a generation have at most 9 flights
-    command = [sys.executable, "-u", "-c", text, file, kept]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    ended, flown, said, on, whole = printed.splitlines()
+    assert in_child(lambda: search(11, kept), 60.0, 8 << 30) == "ended by SIGKILL"
+    flown = len(kept.read_text().splitlines())
+    assert flown >= 11
+    on, whole = search(kept=kept), search()
 
-    assert int(ended) == -signal.SIGKILL
-    assert int(flown) >= 11
-    assert said == f"{kept}: {flown} flights are flown already."
-    assert on == whole
+    assert said.read_text() == f"{kept}: {flown} flights are flown already."
+    assert on.answer().json() == whole.answer().json()
+    assert on.changes
     assert not kept.exists()

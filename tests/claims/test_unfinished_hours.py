@@ -1,21 +1,16 @@
 """Counts per flight hour that are killed go on to the same file; those of earlier counts go."""
 
-import os
 import shutil
-import signal
 import tomllib
-from contextlib import contextmanager
-from unittest import mock
 
 import numpy as np
 import pytest
+from flown_campaigns import Killer, seen_here
 from fuzzing import in_child
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.flying.rows import rows_flown
 from flighttune.claims import counting, hourly_flights, leaving, per_hour, unfinished
 from flighttune.claims.rates_keys import RatesTable
 from flighttune.claims.unfinished_hours import KeptTerms
@@ -40,24 +35,6 @@ source = "a log"
 flights = 6
 ended_s = 0.5
 """
-
-
-@contextmanager
-def flown_here(until="never", most=0):
-    """Flights in this process, which kills itself after so many of them in what it does then."""
-
-    def rows(pool, plan, runs, doing="flying", **options):
-        made = []
-        for row in rows_flown(plan, runs, **options):
-            pool.observer.see(pool.progress)
-            if doing.startswith(until) and pool.progress.flown >= most:
-                os.kill(os.getpid(), signal.SIGKILL)
-            pool.progress.flown += 1
-            made.append(row)
-        return made
-
-    with mock.patch.object(WorkerPool, "rows", rows):
-        yield
 
 
 class Seen(ft.CampaignObserver):
@@ -105,7 +82,7 @@ def place(tmp_path_factory):
     start = item(22, 15, 0, 0, None, 47.4, 8.5, 60)
     plan_file(folder / "m.plan", start, waypoint(47.403, 8.5, 60), geoFence=fence)
     (folder / "rates.toml").write_text(RATES)
-    with flown_here():
+    with seen_here():
         ft.mission(folder / "m.plan", out=folder / "m.npz", rates=folder / "rates.toml", **FEW)
     return folder
 
@@ -117,23 +94,19 @@ def test_a_killed_count_per_hour_goes_on_and_is_the_same_to_the_bit(place, tmp_p
     file, said = tmp_path / "m-per-hour-unfinished.json", tmp_path / ".said"
     out, rates, seen = tmp_path / "m.npz", place / "rates.toml", Seen()
 
-    def counted():
-        ft.mission(place / "m.plan", out=out, rates=rates, observer=seen, **FEW)
-
-    def killed(doing, flown):
-        seen.hear = said.write_text
-        with flown_here(doing, flown):
-            counted()
+    def counted(observer):
+        with seen_here():
+            ft.mission(place / "m.plan", out=out, rates=rates, observer=observer, **FEW)
 
     last = "counting link lost, turn back after 0.5 s: their ends"
-    for doing, flown in (("counting healthy flight", 9), (last, 14)):
-        assert in_child(lambda of=(doing, flown): killed(*of), 60.0, 8 << 30) == "ended by SIGKILL"
+    for flown, doing in ((9, "counting healthy flight"), (14, last)):
+        killer = Killer(said, flown, doing)
+        assert in_child(lambda by=killer: counted(by), 60.0, 8 << 30) == "ended by SIGKILL"
         left = {x.name for x in tmp_path.glob("[!.]*")}
         assert left == {"m-unfinished.npz", file.name}  # no file of the answer
     assert said.read_text() == f"{file}: 9 flights are counted already."
 
-    with flown_here():
-        counted()
+    counted(seen)
 
     assert seen.said[-1] == f"{file}: 18 flights are counted already."
     assert [*seen.stages] == ["stage 1 of 2, ", "stage 2 of 2, "]
@@ -148,7 +121,7 @@ def test_a_new_count_without_rates_leaves_none_of_an_earlier_one(place, tmp_path
     for name in ("m.npz", "m-per-hour.json"):
         shutil.copy(place / name, tmp_path)
     (tmp_path / "m-turn-back.npz").write_text("a file of somebody else")
-    with flown_here():
+    with seen_here():
         ft.mission(place / "m.plan", out=tmp_path / "m.npz", seed=3, **FEW)
 
     assert {x.name for x in tmp_path.glob("[!.]*")} == {"m.npz", "m-turn-back.npz"}
@@ -163,7 +136,7 @@ def test_a_band_that_is_written_to_another_place_leaves_none_of_an_earlier_one(p
     shutil.copy(place / "m-per-hour.json", other)
     (other / "m-turn-back.npz").write_text("a file of somebody else")
 
-    with flown_here():
+    with seen_here():
         ft.mission(first / "m.npz", out=other / "m.npz", workers=1)
 
     assert {x.name for x in other.iterdir()} == {"m.npz", "m-turn-back.npz"}
