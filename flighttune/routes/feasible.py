@@ -229,7 +229,7 @@ def _fastest(
 
     best = merit(x)
     for _ in range(steps):
-        near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
+        near: FloatArray = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
         slopes = (near[1:] - near[0]) / DIFFERENCE
         if not np.isfinite(slopes).all():
             break
@@ -247,8 +247,9 @@ def _fastest(
         if program.x is None:
             break
         expected = best - x[-1] - float(cost @ program.x)
-        step = x + program.x[:size]
-        better = best - (reached := merit(step))
+        step: FloatArray = x + program.x[:size]
+        reached = merit(step)
+        better = best - reached
         if better > 0.1 * expected:
             x, best, radius = step, reached, min(1.6 * radius, 0.5)
         else:
@@ -294,7 +295,8 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     # At ends and middles of the steps: both middle stages of Runge-Kutta read the same column.
     phi, n_z = fine.transpose(1, 2, 0)
     turning, lifting, g_over_v = n_z * np.sin(phi), n_z * np.cos(phi), manoeuvre.g / manoeuvre.V_a
-    turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
+    turned: FloatArray = np.zeros(len(x))
+    gamma: FloatArray = np.full(len(x), manoeuvre.start[1])
 
     def rates(i: int, gamma: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rates equal to `turn_rates`, whose checks would take most of the time of a plan."""
