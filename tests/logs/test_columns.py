@@ -353,6 +353,10 @@ def late(seconds):
             "the slope of h comes 3.0 s after the vertical speed: a shift by -3.0 s would do",
         ),
         (
+            "V_a h v_down", "h", late(-3.0),
+            "the slope of h comes 3.0 s before the vertical speed: a shift by +3.0 s would do",
+        ),
+        (
             "V_a h v_down", "h", lambda x: 0.0 * x,
             "the slope of h does not change with the vertical speed (correlation 0.00): "
             "h or v_down is something else, and no factor, shift or exchange mends it",
@@ -470,10 +474,10 @@ def test_a_delay_that_is_possible_to_half_a_sample_is_not_what_is_said_of_a_wron
 
 def test_a_large_error_of_height_in_feet_is_a_note_and_rates_of_zero_are_not_measured(agreeing):
     given = {x: agreeing[x] for x in ("phi", "V_a", "height_err", "v_down")}
+    changed = {"height_err": given["height_err"] / 0.3048, "q": 0.0 * given["phi"]}
+    calm = {"r": np.maximum(0.0, given["phi"]), "wind_north": 0.0 * given["phi"]}
 
-    verdicts = checks.judged(
-        given | {"height_err": given["height_err"] / 0.3048, "q": 0.0 * given["phi"]}, 0.1
-    )
+    verdicts = checks.judged(given | changed | calm, 0.1)
 
     assert verdicts.wrong == []
     assert verdicts.notes[:2] == [
@@ -497,6 +501,96 @@ def test_a_clock_is_wrong_where_all_rates_are_off_by_one_factor(agreeing, factor
     times = [[float(x) for x in match.groups()] for match in found]
     assert times == [[pytest.approx(x, rel=5e-3) for x in (factor, 1.0 / factor)]] * said
     assert verdicts.columns == ({"t"} if said else set())
+
+
+def judgement_of(**matches):
+    """A judgement of no columns but `phi`, with one match for each relation of some columns."""
+    judgement = checks._Judgement({"phi": np.zeros(30)}, 0.1)
+    judgement.matches = [
+        checks.Match(**matches[relation.name]) if relation.name in matches else match
+        for relation, match in zip(relations.RELATIONS, judgement.matches, strict=True)
+    ]
+    return judgement
+
+
+@pytest.mark.parametrize(
+    ("ratios", "factor"),
+    [
+        ({"p": 1.1, "q": 1.1, "r": 1.1}, 1.1),
+        ({"p": 1.1, "q": 1.1, "h": 1.0 / 1.1, "down": 1.0 / 1.1}, 1.1),  # heights have no rate
+        ({"p": 0.8, "q": 0.8, "r": 0.8, "v_north": 1.1}, 0.8),
+        ({"p": 1.07, "q": 1.07, "r": 1.07}, 1.07),
+        ({"p": 1.1, "q": 1.1, "phi": 1.1}, None),  # too few of motion
+        ({"p": 1.1, "q": 1.1, "chi": 1.1, "V_g": 1.1}, None),  # of velocities alone
+        ({"p": 1.2, "q": 1.2, "r": 1.2, "v_north": 0.7, "h": 1.0 / 0.7}, None),  # not all alike
+        ({"p": 1.05, "q": 1.05, "r": 1.05}, None),  # near 1
+    ],
+)
+def test_a_clock_is_that_of_three_quarters_of_the_rates(ratios, factor):
+    matches = {name: {"status": "agrees", "ratio": x, "alike": 0.9} for name, x in ratios.items()}
+    said = checks.Verdicts([], [], set())
+
+    checks._say_clock(said, judgement_of(**matches))
+
+    assert [line.partition(" would")[0].split("a factor of ")[1] for line in said.wrong] == (
+        [f"{1.0 / factor:.3g}"] if factor else []
+    )
+    unlike = {name: match | {"alike": 0.8} for name, match in matches.items()}
+    said = checks.Verdicts([], [], set())
+    checks._say_clock(said, judgement_of(**unlike))
+    assert said.columns == set()
+
+
+def test_a_judgement_counts_what_breaks_and_what_holds_with_its_likeness():
+    agrees = {"status": "agrees", "alike": -0.9, "at_once": 0.7}
+    matches = {"p": agrees, "phi_cmd": agrees | {"at_once": 0.1}, "f_x": {"status": "contradicts"}}
+    judgement = judgement_of(**matches, q={"status": "unlike"}, r={"status": "cannot tell"})
+
+    assert [relations.RELATIONS[k].name for k in judgement.broken] == ["q", "f_x"]
+    assert judgement.rank == (2, -2)
+    assert judgement.confirmed == {"p", "phi_cmd"}
+    assert judgement.likeness == pytest.approx(0.7 + 0.9)  # a command has its delay
+
+
+@pytest.mark.parametrize(
+    ("name", "turned", "stated", "changes"),
+    [
+        ("chi", 0.5, True, [-0.5]),
+        ("psi", -0.5, False, [-0.5]),
+        ("chi", 0.06, True, []),
+        ("v_north", 0.5, True, []),
+        ("n_z", 0.5, True, [1.0, math.cos(0.4) * math.cos(0.3)]),
+        ("f_z", 0.5, False, [-9.80665, -9.80665 * math.cos(0.4) * math.cos(0.3)]),
+    ],
+)
+def test_headings_may_lack_an_angle_and_load_factors_gravity(name, turned, stated, changes):
+    given = {"phi": np.full(3, 0.4), "theta": np.full(3, 0.3), name: np.full(3, 2.0)}
+    match = checks.Match("contradicts", turned=turned)
+
+    cures = [*checks._changed(name, match, stated=stated)]
+
+    assert [cure.apply(given)[name][1] - 2.0 for cure in cures] == pytest.approx(changes)
+    assert all(cure.columns == (name,) for cure in cures)
+
+
+@pytest.mark.parametrize(
+    ("others", "turned", "by"), [("the path", -0.5, 0.5), ("the velocities", 0.5, 0.5)]
+)
+def test_a_velocity_is_turned_against_its_angle_to_the_path_and_with_that_of_a_course(
+    others, turned, by
+):
+    given = {"phi": np.zeros(30), "v_north": np.full(30, 20.0), "v_east": np.full(30, 5.0)}
+    (relation,) = (
+        x for x in relations.RELATIONS if x.others == others and x.name in ("v_north", "chi")
+    )
+    used = frozenset({"v_north", "v_east"})
+    match = checks.Match("contradicts", used, ratio=1.0, lag=0.0, turned=turned)
+
+    cures = checks._cures(relations.Motion(given, 0.1), relation, match)
+
+    (turn,) = (cure.apply(given) for cure in cures if "a turn of the velocity" in cure.words)
+    velocity = complex(turn["v_north"][0], turn["v_east"][0])
+    assert velocity == pytest.approx((20.0 + 5.0j) * np.exp(1j * by), rel=1e-12)
 
 
 def noise(seed, n=1200):
@@ -728,6 +822,7 @@ def test_signals_of_a_log_begin_at_its_first_place_and_have_their_errors():
         ({"V_g": [4.9], "V_a": [9.0], "phi_cmd": [0.0]}, "", "a speed of at most 4.9 m/s"),
         ({"V_g": [5.0], "V_a": [1.0]}, "", ""),
         ({"V_a": [math.nan, 4.0]}, "", "a speed of at most 4 m/s"),
+        ({"V_g": [math.nan], "V_a": [9.0]}, "", "a speed of at most 0 m/s"),
         ({"V_g": [20.0], "V_a": [20.0]}, "type 1 of PX4", "a vehicle without wings"),
         ({"V_g": [20.0], "V_a": [20.0]}, "type 1", ""),
         ({"V_g": [20.0]}, "type 13", "(type 13), no airspeed, no roll commands."),
@@ -806,7 +901,7 @@ def test_a_relation_that_does_not_hold_has_the_changes_that_may_mend_it():
     assert found[("p",), turned].cost < found[all_three, f"{turned} to p, q and r"].cost
     assert found[("p",), unit].cost < found[("p",), ""].cost
 
-    found = cures(ratio=1.1, lag=2.0)  # 10 % is no mistake of a unit
+    found = cures(ratio=1.1, lag=2.0, turned=0.5)  # 10 % is no mistake of a unit
     late = "a shift by -2.0 s"
     assert {*found} == exchanges | {
         (("p",), ""), (("p",), f"{late} would do"), (all_three, f"{late} of p, q and r would do"),
