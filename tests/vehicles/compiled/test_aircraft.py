@@ -9,7 +9,6 @@ from airframes import fdm_of
 from commands import answer
 from compiled_flights import differing, flown_by_both
 from compiled_parts import state_of
-from fuzzing import marked
 
 import flighttune as ft
 from flighttune.base.units import FT
@@ -26,8 +25,9 @@ GUSTS = {
 }
 
 
-# Adopted aircraft of `make test`: one with a piston, a jet, and one that is refused.
-QUICK = "J3Cub", "T38", "f16"
+# Adopted aircraft of `make test`: one with a piston, a jet, and one that is refused. `make soak`
+# has a turboprop and one whose start is refused, `make counts` the others.
+QUICK, LONGER = ("J3Cub", "T38", "f16"), ("DHC6", "Short_S23")
 LATER = [pytest.param(name, marks=pytest.mark.slow) for name in ("x8", "a4", "c172p")]
 
 
@@ -43,8 +43,8 @@ def test_every_property_is_that_of_jsbsim(aircraft):
 @pytest.mark.parametrize(
     ("model", "axis"),
     [
-        ("tustin", ""),
-        ("milspec", ""),
+        pytest.param("tustin", "", marks=pytest.mark.counts),
+        pytest.param("milspec", "", marks=pytest.mark.counts),
         ("", ""),
         ("", "right"),
         ("tustin", "ahead"),
@@ -140,7 +140,16 @@ def test_one_step_flies_every_draw_of_an_aircraft():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "aircraft", marked(sorted(path.name for path in ADOPTED.iterdir()), pytest.mark.soak, but=QUICK)
+    "aircraft",
+    [
+        *QUICK,
+        *(pytest.param(x, marks=pytest.mark.soak) for x in LONGER),
+        *(
+            pytest.param(x, marks=pytest.mark.counts)
+            for x in sorted(path.name for path in ADOPTED.iterdir())
+            if x not in (*QUICK, *LONGER)
+        ),
+    ],
 )
 def test_adopted_aircraft_are_compiled_or_refused_by_name(aircraft):
     step = compiled(load_aircraft(ADOPTED / aircraft))
@@ -167,19 +176,19 @@ COMPILED = (
 # The pressure behind their throttles is hidden, and each start has another one.
 SUPERCHARGED = ("Boeing314", "p51d")
 
-# A rocket, a turboprop and one that is refused; tests/adopted has jets and pistons.
-SHORT = ("X15", "t6texan2", "c310")
+# tests/adopted has jets, pistons, a turboprop and some that are refused.
+ROCKET = "X15"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [
-        *(pytest.param(model, marks=pytest.mark.soak) for model in SHORT),
+        pytest.param(ROCKET, marks=pytest.mark.soak),
         *(
             pytest.param(model, marks=pytest.mark.counts)
             for model in (*COMPILED, *REFUSED)
-            if model not in SHORT
+            if model != ROCKET
         ),
     ],
 )
