@@ -91,7 +91,7 @@ TELL = """<script>addEventListener("load", () => setTimeout(() => {
     images: [...document.images].map(i => i.naturalWidth)}, "*");
 }, 100));</script>""".replace("OVERLAPS", OVERLAPS)
 FRAMES = """<!doctype html><meta charset="utf-8"><title>[]</title><body>{frames}<script>
-const told = [];
+var told = [];
 addEventListener("message", event => {{ told.push(event.data);
   document.title = JSON.stringify(told); }});</script>"""
 
@@ -220,15 +220,33 @@ def headless_chromium() -> Callable[..., str]:
     return run
 
 
-def told_at_widths(chromium: Callable[..., str], page: str, folder: Path) -> dict[int, dict]:
-    """What the page says of itself, by the width it is shown at."""
+WIDTHS = WIDE, DESK, TABLET, PHONE, NARROW
+
+
+def _write_frames(page: str, folder: Path) -> Path:
+    """A page of the page at all widths; its title becomes what they say of themselves."""
     (folder / "page.html").write_text(POLICY.sub("", page) + TELL, encoding="utf-8")
     frames = "".join(
         f'<iframe src="page.html" width={width} height={SCREEN} style="border:0"></iframe>'
-        for width in (WIDE, DESK, TABLET, PHONE, NARROW)
+        for width in WIDTHS
     )
     (folder / "frames.html").write_text(FRAMES.format(frames=frames), encoding="utf-8")
-    shown = chromium("--window-size=4400,1000", "--dump-dom", folder / "frames.html")
+    return folder / "frames.html"
+
+
+def told_in_a_tab(
+    open_tab: Callable[[str], AbstractContextManager[Tab]], page: str, folder: Path
+) -> dict[int, dict]:
+    """What the page says of itself, by the width it is shown at, in a chromium that runs on."""
+    with open_tab(_write_frames(page, folder).as_uri()) as tab:
+        tab.until(f"window.told?.length === {len(WIDTHS)}")
+        return {one["width"]: one for one in tab.run("told")}
+
+
+def told_at_widths(chromium: Callable[..., str], page: str, folder: Path) -> dict[int, dict]:
+    """What the page says of itself, by the width it is shown at."""
+    frames = _write_frames(page, folder)
+    shown = chromium("--window-size=4400,1000", "--dump-dom", frames)
     title = re.search(r"<title>(.*?)</title>", shown, re.DOTALL).group(1)
     return {one["width"]: one for one in json.loads(html.unescape(title))}
 
