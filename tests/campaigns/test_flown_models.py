@@ -75,7 +75,8 @@ def test_lags_of_a_model_are_said_where_they_fly(plant, said):
 
 
 @pytest.mark.soak
-def test_the_answers_say_that_lags_alone_were_flown(mission, mine):
+def test_the_answers_say_that_lags_alone_were_flown(mission, mine, monkeypatch):
+    monkeypatch.setattr("flighttune.claims.mission.LEARN", 10)
     # A better receiver needs no flights by RTK beside its own.
     few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7, "workers": 1, "navigation": "rtk"}
     odds = ft.mission(mission, aircraft=mine, **few)

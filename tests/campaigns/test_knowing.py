@@ -8,7 +8,7 @@ import flighttune as ft
 from flighttune.campaigns.planning.knowing import knowing
 from flighttune.claims import known
 
-SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 400.0)]}
+SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 250.0)]}
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
 
 

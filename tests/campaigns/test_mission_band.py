@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from fuzzing import slow
 from made_up_missions import AREA, HALF, made_up_flights, mission
 from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
@@ -20,7 +19,14 @@ from flighttune.outputs.answers.band import summary
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
 
 
+@pytest.fixture
+def few_learned(monkeypatch):
+    """A shape of fifteen flights holds as that of thirty does."""
+    monkeypatch.setattr("flighttune.claims.mission.LEARN", 15)
+
+
 @pytest.mark.soak
+@pytest.mark.usefixtures("few_learned")
 def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
     file, page, out = (tmp_path / name for name in ("m.plan", "m.html", "m.npz"))
     mission(file, corner=HALF)
@@ -130,7 +136,10 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
 @pytest.mark.parametrize(
     ("lost_every", "flights", "lost"),
     # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
-    [*slow((None, 628, 0), (300, 628, None)), (400, 628, 2), (50, 192, None)],
+    [
+        pytest.param(None, 628, 0, marks=pytest.mark.counts),
+        *((300, 628, None), (400, 628, 2), (50, 192, None)),
+    ],
 )
 @pytest.mark.soak
 def test_the_third_largest_of_all_flights_decides_the_corridor(
@@ -251,6 +260,7 @@ def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_pat
 
 
 @pytest.mark.soak
+@pytest.mark.usefixtures("few_learned")
 def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
     calm = tmp_path / "calm.toml"
     calm.write_text(
@@ -276,7 +286,9 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
         ),
         ((15.0, 21.0), "With `--set flight.V_a_mps=22` these 2 complete."),
         pytest.param(
-            (23.0, 15.0), "With `--set flight.V_a_mps=24` these 2 complete.", marks=pytest.mark.soak
+            (23.0, 15.0),
+            "With `--set flight.V_a_mps=24` these 2 complete.",
+            marks=pytest.mark.counts,
         ),
         ((15.0, 99.0), "They do not complete with 0.8, 0.9, 1.1, 1.2 times the airspeed"),
     ],

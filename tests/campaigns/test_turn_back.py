@@ -58,7 +58,8 @@ FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 
 @pytest.fixture
 def few_learned(monkeypatch):
     """A shape of ten flights is as wide as fresh ones make it, as one of many."""
-    monkeypatch.setattr("flighttune.claims.mission.LEARN_TURNS", 10)
+    for name in ("LEARN", "LEARN_TURNS"):
+        monkeypatch.setattr(f"flighttune.claims.mission.{name}", 10)
 
 
 def turned_back(plan, bank=BANK):
@@ -240,7 +241,7 @@ def test_flights_of_older_files_begin_in_steady_flight_and_those_that_have_one_s
 @pytest.mark.soak
 @pytest.mark.usefixtures("few_learned")
 def test_the_room_of_a_mission_with_a_steep_leg_is_claimed_of_all_its_flights(steep, tmp_path):
-    few = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 14)
+    few = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
     out = tmp_path / "d.npz"
     told = answer(
         "mission", steep, "--aircraft", "aerosonde", "--turn-back", 30, *few, "--out", out
@@ -250,7 +251,7 @@ def test_the_room_of_a_mission_with_a_steep_leg_is_claimed_of_all_its_flights(st
     assert room.claims
     assert not room.endings
     plan = counted_flights.plan_in(room.about).with_runs(int(room.draws[-1]) + 1)
-    runs = [fly_group(plan, plan.scenario_of(x), plan.groups[0]) for x in room.draws.tolist()]
+    runs = (fly_group(plan, plan.scenario_of(x), plan.groups[0]) for x in room.draws.tolist())
     assert any(scenario_of(run).turn_back.sloped_s is not None for run in runs)
     condition = "or, where there is none on a slope, in level flight before it"
     assert condition in told["turn_back"]["sentence"]
