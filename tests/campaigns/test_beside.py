@@ -29,7 +29,7 @@ CORNERS = (0.0, 0.0), (100.0, 0.0), (150.0, 50.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 LONG = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in ((0, 0), (500, 0), (700, 300))]}
-LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
+LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 120.0)]
 FOUR = {"flights": 4, "workers": 1, "changes": {"route.waypoint": LEG}}
 
 
@@ -73,8 +73,7 @@ def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     said = []
     observer = ft.CampaignObserver()
     observer.hear = said.append
-    options = FOUR | {"workers": 2, "observer": observer}
-    on = ft.compare("circuit_in_wind", autopilot=file, kept=kept, **options)
+    on = ft.compare("circuit_in_wind", autopilot=file, kept=kept, observer=observer, **FOUR)
     whole = ft.compare("circuit_in_wind", autopilot=file, **FOUR)
 
     assert said[0] == f"{kept}: {len(flown)} flights are flown already."
@@ -427,9 +426,9 @@ def test_without_an_identified_aircraft_there_are_no_margins(file):
 SPEEDS = """QGC WPL 110
 0\t1\t0\t16\t0\t0\t0\t0\t47.395\t8.55\t430\t1
 1\t0\t3\t22\t15\t0\t0\t0\t47.3952\t8.5501\t60\t1
-2\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.55\t60\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.398\t8.55\t60\t1
 3\t0\t3\t178\t0\t20\t-1\t0\t0\t0\t0\t1
-4\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.56\t60\t1
+4\t0\t3\t16\t0\t0\t0\t0\t47.398\t8.553\t60\t1
 5\t0\t0\t177\t2\t-1\t0\t0\t0\t0\t0\t1
 """
 
