@@ -35,6 +35,11 @@ ONLY_IN = {
 }  # a file, or the folder it may be used in
 
 
+@cache
+def tree_of(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def statements(nodes):
     """The statements of a block, at any depth; expressions, most of a tree, are passed over."""
     for node in nodes:
@@ -46,7 +51,7 @@ def statements(nodes):
 @cache
 def nodes_of(path):
     """Statements and definitions of a file, at any depth."""
-    return [*statements(ast.parse(path.read_text(encoding="utf-8")).body)]
+    return [*statements(tree_of(path).body)]
 
 
 def imported_modules(path):
@@ -95,7 +100,6 @@ def circle_of(graph):
     return None
 
 
-@pytest.mark.soak
 def test_no_module_is_reached_from_its_own_imports(imports):
     assert circle_of(imports) is None
 
@@ -206,11 +210,10 @@ def test_a_heavy_library_is_imported_in_one_place(imported, library):
         assert library not in roots or where(path).startswith(ONLY_IN[library]), where(path)
 
 
-@pytest.mark.soak
 def test_text_files_have_the_same_encoding_and_line_ends_on_every_system():
     """UTF-8 is said where they are read; one function writes them, with the line ends of Unix."""
     for path in MODULES.values():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 called = f"{where(path)}:{node.lineno}: {node.func.attr}"
                 assert node.func.attr != "write_text", called
