@@ -66,7 +66,7 @@ def test_the_airspeed_settles_at_its_floor_when_the_engine_fails(wind):
     ("aircraft", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("x8", 18.0), ("a4", 200.0)]
 )
 def test_no_aircraft_is_lost_whose_engine_fails_in_light_turbulence(aircraft, V_a):
-    for seed in range(3):
+    for seed in range(2):
         air = {"turbulence": {"intensity": "light"}, "seed": seed}
         scenario = level({"aircraft": aircraft, **FAULT}, **air).as_dict()
         scenario["tuning"]["identified"] = aircraft
@@ -166,7 +166,7 @@ def test_a_route_whose_height_is_given_up_is_flown_to_its_end():
 def test_a_flight_that_gives_way_is_outside_of_what_was_counted_of_a_model(plant, outside):
     """The point mass behind lags knows no airspeed: its residual signals say nothing then."""
     own = level(plant, duration_s=12.0, law=["paper"], gains=["paper"])
-    few = {"flights": 16, "learn": 10, "epsilon": 0.5, "confidence": 0.5, "air": "calm"}
+    few = {"flights": 8, "learn": 10, "epsilon": 0.5, "confidence": 0.5, "air": "calm"}
 
     counted = ft.residual(own, plant="jsbsim:aerosonde", start_deg=1.0, **few)
 
