@@ -37,11 +37,8 @@ ADOPTED = sorted((Path(__file__).parents[2] / "adopted").glob("*/turn.toml"))
 assert len(ADOPTED) >= 10
 
 
-FLOWN = (
-    *("level_turn", "jet_pull_up", "sensor_noise", "engine_fails_in_climb", "heavy_and_aft"),
-    "speed_change_in_turn",
-)
-"""Scenarios in which something differs: aircraft, sensors, engine, airframe or law."""
+FLOWN = ("jet_pull_up", "sensor_noise", "heavy_and_aft", "speed_change_in_turn")
+"""Scenarios in which something differs: aircraft, sensors, airframe or law. Engines fail below."""
 
 
 def flights(names):
@@ -126,7 +123,7 @@ def test_adopted_aircraft_fly_as_well(file, tmp_path):
 
 CLIMB_IN_WIND = """
 gains = ["tuned_identified"]
-flight = {{V_a_mps = {V}, h_m = 1000.0, duration_s = 25.0}}
+flight = {{V_a_mps = {V}, h_m = 1000.0, duration_s = 15.0}}
 wind = {{speed_mps = {wind}, from_deg = 60.0, down_mps = {down}}}
 controller = {{anti_windup = "{anti_windup}"}}
 tuning = {{identified = "{aircraft}"}}
@@ -169,7 +166,10 @@ def test_speed_has_priority_as_in_fly(aircraft, V, down, gains, anti_windup, eng
     ("gains", "reference"),
     [
         ("exact:tuned_fed_back", {"chi_deg": 30.0, "gamma_deg": 2.0}),
-        ("tuned_identified", {"chi_deg": 30.0, "gamma_deg": 2.0, "shape": "feasible"}),
+        pytest.param(
+            *("tuned_identified", {"chi_deg": 30.0, "gamma_deg": 2.0, "shape": "feasible"}),
+            marks=pytest.mark.counts,
+        ),
     ],
 )
 def test_two_channels_give_way_to_the_airspeed_as_in_fly(gains, reference, tmp_path):
