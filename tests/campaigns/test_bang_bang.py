@@ -67,7 +67,7 @@ def largest_by_square_waves(h, rate):
 @pytest.mark.parametrize(
     ("rate", "duration", "start_deg", "budget"),
     [
-        pytest.param(5.0, 2.4, 0.002, 300, marks=pytest.mark.slow),
+        pytest.param(5.0, 2.4, 0.002, 150, marks=pytest.mark.slow),
         pytest.param(20.0, 6.0, 0.0, 400, marks=pytest.mark.soak),
     ],
 )

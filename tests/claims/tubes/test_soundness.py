@@ -113,7 +113,7 @@ def check(case, seed):
 
 
 @pytest.mark.soak
-@few_or_many(15, 850)
+@few_or_many(10, 850)
 def test_no_flight_leaves_the_tube(count):
     check_cases(check, st.one_of(paper_problems(), lagged_problems(), exact_problems()), count)
 

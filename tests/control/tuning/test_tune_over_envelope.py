@@ -158,9 +158,9 @@ def test_no_gains_nearby_are_better(model, tuned):
     models = jacobian_hull(MODERATE, g=G).models()
     k = tuned.gains.K[problem.free]
     rng = np.random.default_rng(0)
-    sizes = 10.0 ** rng.uniform(-4.0, -0.7, size=(150, 1))
+    sizes = 10.0 ** rng.uniform(-4.0, -0.7, size=(80, 1))
 
-    nearby = [tuning.point(problem, models, k + step) for step in sizes * rng.normal(size=(150, 8))]
+    nearby = [tuning.point(problem, models, k + step) for step in sizes * rng.normal(size=(80, 8))]
 
     feasible = [one.common.R for one in nearby if one is not None]
     assert len(feasible) > 10
