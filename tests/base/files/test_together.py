@@ -264,7 +264,7 @@ ENDS = {
 @pytest.mark.parametrize(
     ("name", "signals", "every"),
     [
-        ("fly", ("SIGKILL", "SIGTERM"), 7),
+        ("fly", ("SIGKILL", "SIGTERM"), 14),
         pytest.param("fly", ("SIGKILL",), 1, marks=pytest.mark.counts),
         pytest.param("fly", ("SIGTERM", "SIGINT", "SIGHUP"), 1, marks=pytest.mark.counts),
         pytest.param("tune", ("SIGKILL", "SIGTERM", "SIGINT"), 1, marks=pytest.mark.counts),
