@@ -27,7 +27,7 @@ import flighttune as ft
 # real clusters, processes that are killed
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
-RUNS = 160
+RUNS = 80
 SEARCHES = [
     "worst first_campaign --budget 100000",
     "band random_starts",

@@ -46,7 +46,7 @@ from tests.cli.test_code_of_files import LAW
 # real clusters, processes that are killed
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
-RUNS, WORKERS = 160, 2
+RUNS, WORKERS = 80, 2
 ENDINGS = [
     *((who, signal.SIGKILL) for who in ("all", "command", "worker", "workers")),
     *(("command", number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)),
