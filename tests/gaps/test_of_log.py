@@ -38,12 +38,6 @@ def log(tmp_path_factory):
     return write_csv(tmp_path_factory.mktemp("gap") / "flight.csv", t, signals | early)
 
 
-@pytest.fixture(scope="module")
-def short(tmp_path_factory):
-    """A log that is not flown to its end."""
-    return write_csv(tmp_path_factory.mktemp("gap") / "flight.csv", *sampled(heavy_cessna(65.0)))
-
-
 @pytest.mark.soak
 def test_mass_lag_and_wind_of_a_flight_come_back(log):
     told = answer("gap", log, "--aircraft", "c172p", "--out", log.parent / "gap", cwd=log.parent)
@@ -199,8 +193,8 @@ def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
 
 
 @pytest.mark.slow
-def test_a_log_that_an_aircraft_cannot_fly_is_one_line(short):
-    said = flighttune("gap", short, "--aircraft", "aerosonde", status=2, cwd=short.parent)[1]
+def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
+    said = flighttune("gap", log, "--aircraft", "aerosonde", status=2, cwd=log.parent)[1]
 
     assert "aerosonde: must fly 3 stretches of the log at least, got 0" in said
     assert "V_a" in said
@@ -215,8 +209,8 @@ def test_a_log_that_an_aircraft_cannot_fly_is_one_line(short):
         (("--aircraft", "nothing"), "`aircraft` must be one of"),
     ],
 )
-def test_a_log_and_its_aircraft_go_together(short, arguments, says):
-    said = flighttune("gap", short, *arguments, status=2, cwd=short.parent)[1]
+def test_a_log_and_its_aircraft_go_together(log, arguments, says):
+    said = flighttune("gap", log, *arguments, status=2, cwd=log.parent)[1]
 
     assert says in " ".join(said.split())
 
