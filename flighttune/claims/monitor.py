@@ -368,7 +368,7 @@ class LogMonitor(Watching):
             reason = f"`logs` must be of different flights, got {n} among {len(self.logs)}"
             return Verification(valid=False, reason=reason)
         by_logs = self._checks_of(runs) if runs else []
-        if any(log.digest and log.moments and log.peaks for log in self.logs):
+        if any(log.peaks for log in self.logs):
             held = Verification.of([*by_logs, *self._checks()])
             return held if runs else replace(held, notes=(HELD,))
         if not runs:
@@ -388,8 +388,9 @@ class LogMonitor(Watching):
             return [Check(name="numbers of logs and models", margin=-1.0, exact=False)]
         products = [_products(models, log) for log in moments]
         checks = _agree(self.logs, _learned(models, products, peaks))
-        # The largest residual is at least its root mean square, if this is known.
-        plain = [i for i, x in enumerate(models) if x.terms[0] == "1" and not x.filtered]
+        # The largest residual is at least its root mean square, known from the moments of a model
+        # without a filter, whose first term is 1.
+        plain = [i for i, x in enumerate(models) if not x.filtered]
         for i, log in enumerate(self.logs):
             for m in plain:
                 weights = np.array([*np.negative(log.models[m].weights), 1.0])
@@ -495,7 +496,7 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
         raise InputError(f"`logs` must be at least {MIN_LOGS} healthy flights, got {len(runs)}.")
     refuse_wrong(*runs)
     for run, other in combinations(runs, 2):
-        if run.signals.equals(other.signals) or _overlap(run, other):
+        if _overlap(run, other):
             raise InputError(
                 f"`logs` must be of different flights, got {run.label} twice or parts that overlap."
             )

@@ -33,6 +33,17 @@ def noisy(tmp_path_factory):
     return [log(i, size) for i, size in enumerate([0.02, 0.021, 0.02, 0.022, 0.06])]
 
 
+@pytest.fixture(scope="module")
+def pushed(noisy):
+    """The logs with commands of roll and a side force: three residuals, that of roll filtered."""
+    rng = np.random.default_rng(6)
+    forces = [0.3 + 0.2 * run.signals["phi"] + 0.1 * rng.normal(size=len(T)) for run in noisy]
+    return [
+        replace(run, signals=run.signals.assign(phi_cmd=np.sin(0.9 * T + i), f_y=force))
+        for i, (run, force) in enumerate(zip(noisy, forces, strict=True))
+    ]
+
+
 def test_at_most_one_of_any_logs_alarms_by_what_all_others_teach(noisy):
     """What the claim of 1/(n + 1) rests on; here the log with the largest noise is the one."""
     alarms = [
@@ -124,8 +135,9 @@ def test_logs_without_the_signals_of_any_residual_are_told_which_are_missing(noi
 
     with pytest.raises(
         ft.InputError, match=r"side force lacks f_y, roll lacks phi_cmd, turn lacks"
-    ):
+    ) as said:
         ft.monitor(*few)
+    assert "pitch" not in str(said.value)  # it lacks two
 
 
 def test_parts_of_one_flight_are_refused_under_other_names_too(noisy, tmp_path):
@@ -135,6 +147,36 @@ def test_parts_of_one_flight_are_refused_under_other_names_too(noisy, tmp_path):
 
     with pytest.raises(ft.InputError, match=r"the same samples in log / 0 and log / other"):
         ft.monitor(noisy[0], noisy[1], ft.load_log(tmp_path / "other.csv"))
+
+
+def test_logs_may_have_a_roll_or_half_of_their_samples_in_common(noisy):
+    """Of other files: a script flown again in other air."""
+    first, second, third = noisy[:3]
+    same_roll = replace(second, signals=second.signals.assign(phi=first.signals["phi"]))
+    half = pd.concat([first.signals[: len(T) // 2], second.signals[len(T) // 2 :]])
+
+    for other in (same_roll, replace(second, signals=half)):
+        assert ft.monitor(first, other, third).epsilon == pytest.approx(0.25)
+
+
+def test_logs_whose_columns_contradict_each_other_are_refused(noisy, tmp_path):
+    signals = noisy[0].signals[["phi", "p", "r"]].assign(t_s=T, v_north=20.0, v_east=0.0)
+    degrees = signals.assign(phi_rad=np.rad2deg(signals["phi"])).drop(columns="phi")
+    degrees.to_csv(tmp_path / "degrees.csv", index=False)
+
+    with pytest.raises(ft.InputError, match="degrees: the columns of the log must agree: phi"):
+        ft.monitor(*noisy[1:3], ft.load_log(tmp_path / "degrees.csv"))
+
+
+def test_flights_without_a_file_are_told_apart_by_their_samples(noisy):
+    tables = {x: y for x, y in noisy[0].provenance.scenario.items() if x != "log"}
+    simulated = [
+        replace(run, provenance=replace(run.provenance, scenario=tables)) for run in noisy[:3]
+    ]
+
+    assert ft.monitor(*simulated).epsilon == pytest.approx(0.25)
+    with pytest.raises(ft.InputError, match="the same samples in"):
+        ft.monitor(*simulated, simulated[1])
 
 
 def changed(monitor, **of_log):
@@ -195,6 +237,14 @@ FORGERIES = {
         ),
         "weights of",
     ),
+    "limits by a ten thousandth": (
+        lambda m: changed(m, limits=lambda x: (1.0001 * x.limits[0],)), "limits of",
+    ),
+    "moments of fewer terms": (
+        lambda m: changed(m, moments=lambda x: tuple(y[1:] for y in x.moments)),
+        "numbers of logs",
+    ),
+    "the model of a score": (lambda m: changed(m, why=lambda _: "roll"), "model of the score of"),
     "moments of one": (
         lambda m: replace(m, logs=(*changed(m, moments=tuples("moments")).logs[:1], *m.logs[1:])),
         "weights of",
@@ -244,6 +294,18 @@ def test_logs_that_no_monitor_has_are_refused(noisy, change, logs, said):
         changed(replace(monitor, logs=monitor.logs[:logs]), **change)
 
 
+def test_a_monitor_of_several_residuals_is_verified_and_each_is_one_that_logs_have(pushed):
+    monitor = ft.monitor(*pushed)
+    roll, *others = monitor.logs[0].models
+    loose = replace(monitor.logs[0], models=(replace(roll, room=9.0), *others))
+
+    assert [model.name for model in monitor.logs[0].models] == ["side force", "roll", "turn"]
+    assert ft.verify(monitor).valid
+    assert ft.verify(monitor, logs=pushed).valid
+    with pytest.raises(ft.InputError, match="`models` must be those that flighttune monitor takes"):
+        replace(monitor, logs=(loose, *monitor.logs[1:]))
+
+
 def test_models_that_one_log_alone_has_are_refused(noisy):
     monitor = ft.monitor(*noisy)
     (model,) = monitor.logs[0].models
@@ -262,7 +324,8 @@ def test_a_monitor_is_verified_by_what_its_file_holds_and_by_its_logs(noisy, tmp
     assert by_logs.valid
     assert "only seen with the logs" in alone.answer().notes[0]
     assert "same 5 logs" in ft.verify(file, logs=noisy[:4]).reason
-    assert "same 4 logs" in ft.verify(ft.monitor(*noisy[:4]), logs=noisy).reason
+    for logs in (noisy, noisy[1:]):
+        assert "same 4 logs" in ft.verify(ft.monitor(*noisy[:4]), logs=logs).reason
     assert [log.seconds for log in monitor.logs] == pytest.approx([T[-1] - 8.0] * 5)
     assert monitor.names == {run.provenance.gains_name for run in noisy}
     assert len(monitor.names) == 5
@@ -272,7 +335,9 @@ def test_a_monitor_is_verified_by_what_its_file_holds_and_by_its_logs(noisy, tmp
     assert answer("report", file, "--out", tmp_path / "page.html")["verdict"] == monitor.sentence
 
 
-def test_a_file_of_0_4_0_is_read_and_says_what_cannot_be_checked_without_its_logs(noisy, tmp_path):
+def test_a_file_of_0_4_0_is_read_and_says_what_cannot_be_checked_without_its_logs(
+    noisy, pushed, tmp_path
+):
     old = changed(ft.monitor(*noisy), **OLD)
     old.save(tmp_path / "m.npz")
 
@@ -283,11 +348,7 @@ def test_a_file_of_0_4_0_is_read_and_says_what_cannot_be_checked_without_its_log
     assert ft.verify(tmp_path / "m.npz", logs=noisy).valid
     assert not ft.verify(changed(old, score=scaled("score")), logs=noisy).valid
     assert "same 5 logs" in ft.verify(old, logs=noisy[:4]).reason
-    rolling = [
-        replace(run, signals=run.signals.assign(phi_cmd=np.sin(0.9 * T + i)))
-        for i, run in enumerate(noisy)
-    ]
-    assert "same models" in ft.verify(old, logs=rolling).reason
+    assert "same models" in ft.verify(old, logs=pushed).reason
     assert old.not_about(noisy[0]) == "it learned from a log of this name"
 
 
