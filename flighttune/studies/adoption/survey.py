@@ -987,7 +987,7 @@ class _Model:
             row[:] = moments(name, change) - moments(name, -change)
         sizes = np.nan_to_num(np.abs(effects))
         shares = sizes / np.maximum(sizes.max(axis=0, initial=0.0), MIN_EFFECT * inertias)
-        moves = (shares >= MOVER) & (shares >= MOVER * shares.max(axis=1, keepdims=True))
+        moves = shares >= MOVER
         moves[:, 2] &= (sizes[:, 2] > sizes[:, 0]) & ~moves[:, 0]
         movers = {
             surface: [

@@ -9,7 +9,9 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.studies.adoption import survey
+from flighttune.vehicles.aircraft.aircraft import absolute_name
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState
 
 DEG, FT, G = math.pi / 180.0, 0.3048, 9.80665
@@ -639,3 +641,421 @@ def test_a_throttle_whose_command_is_named_is_not_looked_for():
 
     assert model.tables["engines"] == {"command": "fcs/other"}
     assert not model.notes
+
+
+class Read(Levered):
+    """An aeroplane whose aerodynamics read properties, with its fuel, mass and inertias."""
+
+    roots = ()
+
+    def __init__(self, aerodynamics=(), systems=(), **more):
+        super().__init__(None, **more)
+        self.texts, self.speed = ({*aerodynamics}, {*systems}), 30.0
+        self.numbers, self.levels = dict.fromkeys((*aerodynamics, *systems), 0.0), []
+
+    def answers(self, state, numbers):
+        """Angular accelerations, and properties that follow the state and others."""
+        return {}, {}
+
+    def load(self, **changed):
+        tables = self.tables | changed
+        numbers = self.numbers | tables["settings"]
+        numbers |= {name.removeprefix("ft/"): x for name, x in tables["declared"].items()}
+        state = LEVEL
+
+        def accelerations(new):
+            nonlocal state
+            state = new
+            self.levels.append(state)
+            rates, changed = self.answers(state, numbers)
+            numbers.update(changed)
+            return rates
+
+        def hold(seconds):
+            numbers.update(self.later(state))
+
+        def writer(name):
+            return partial(numbers.__setitem__, name.removeprefix("ft/"))
+
+        fdm = SimpleNamespace(
+            shows=numbers.__contains__, has=numbers.__contains__, writer=writer, hold=hold,
+            reader=lambda name: lambda: numbers[name], declared_writer=writer,
+        )  # fmt: skip
+        return SimpleNamespace(fdm=fdm, accelerations=accelerations)
+
+    def later(self, state):
+        """Properties that flight control has moved after a while."""
+        return {}
+
+
+class Steered(Read):
+    """Moments about three axes per property, of an airframe with inertias of 1, 10 and 20."""
+
+    INERTIAS = (1.0, 10.0, 20.0)
+
+    def __init__(self, moments, *more, computed=()):
+        super().__init__([*moments, *more])
+        self.moments = moments
+        self.numbers |= dict.fromkeys(moments, 0.2)
+        self.numbers |= {
+            f"inertia/i{axis}-slugs_ft2": x
+            for axis, x in zip(("xx", "yy", "zz"), self.INERTIAS, strict=True)
+        }
+        functions = "".join(f'<function name="{name}"/>' for name in computed)
+        self.roots = [fromstring(f"<fdm_config>{functions}</fdm_config>")]
+
+    def answers(self, state, numbers):
+        sums = np.sum([numbers[name] * np.array(x) for name, x in self.moments.items()], axis=0)
+        rates = ("p_dot", "q_dot", "r_dot")
+        return dict(zip(rates, 3.0 + sums / np.array(self.INERTIAS), strict=True)), {}
+
+
+def test_a_surface_is_what_has_at_least_half_of_the_largest_moment_in_its_sense():
+    """Positive are to roll right, and to turn the nose down and to the left."""
+    per_degree = math.pi / 180.0
+    model = Steered(
+        {
+            "fcs/a": (4.0, 0.0, 3.0),  # rolls
+            "fcs/b": (-2.1, 0.0, -4.5),  # rolls less than it yaws
+            "fcs/c": (1.9, 0.1, 0.0),  # rolls too little
+            "fcs/d-deg": (0.0, -50.0 * per_degree, 0.0),  # pitches, by the degree
+            "fcs/e": (0.0, 26.0, 0.0),
+            "fcs/f": (0.0, 24.0, 0.0),
+            "fcs/g": (1.0, 25.0, -5.0),  # pitches and yaws
+            "fcs/h": (0.0, 0.0, -2.4),
+            "fcs/i": (1.0, 0.0, 0.0),
+            "aero/alpha": (90.0, 90.0, 90.0),  # JSBSim's own
+            "sum": (90.0, 90.0, 90.0),  # which is computed
+        },
+        "fcs/nothing",
+        computed=("sum",),
+    )
+
+    found, said = model._movers()
+
+    assert found == {
+        "aileron": ["fcs/a", "-fcs/b"],
+        "elevator": ["fcs/d-deg", "-fcs/e", "-fcs/g"],
+        "rudder": ["fcs/g"],
+    }
+    assert said == ""
+
+
+def test_controls_that_nothing_moves_are_named_with_what_was_tried():
+    rolls = Steered({"fcs/a": (4.0, 0.0, 0.0)}, *(f"fcs/x{n}" for n in range(8)))
+    few = Steered({"fcs/a": (4.0, 0.0, 0.0)}, "fcs/x")
+    none = Steered({"aero/alpha": (9.0, 9.0, 9.0)})
+    # half of 1e-6 rad/s^2 at most
+    weak = Steered({"fcs/a": (0.0, 1e-5, 0.0)})
+
+    (found, said), (_, of_two), (nothing, of_none) = (x._movers() for x in (rolls, few, none))
+    assert weak._movers()[0] == nothing
+
+    assert found == {"aileron": ["fcs/a"], "elevator": [], "rudder": []}
+    eight = ", ".join(["fcs/a", *(f"fcs/x{n}" for n in range(7))])
+    assert f"({eight}, ...) nothing pitches it" in said
+    assert "(fcs/a, fcs/x) nothing pitches it" in of_two
+    assert nothing == {"aileron": [], "elevator": [], "rudder": []}
+    assert of_none == ", and its aerodynamics read nothing that rolls or pitches it"
+
+
+class FlyByWire(Read):
+    """Flight control that moves positions with the motion, one of them late."""
+
+    def answers(self, state, numbers):
+        moved = {"fcs/slat": 0.3 + state.alpha, "fcs/canard": 0.1 * state.elevator}
+        return {}, moved | {"fcs/late": 0.0, "fcs/still": 0.0099 * state.q, "fcs/stab": state.alpha}
+
+    def later(self, state):
+        return {"fcs/late": 0.5 + state.q, "fcs/slat": 0.4 + state.alpha}
+
+
+def test_what_flight_control_moves_beside_the_surfaces_is_held_as_in_level_flight():
+    """In level flight at 30 m/s a lift of (20 / 30)^2 of the largest asks for 0.0389 rad."""
+    read = [f"fcs/{x}" for x in ("slat", "canard", "late", "still", "stab", "fixed")]
+    model = FlyByWire([*read, "aero/alpha"])
+    model.texts[0].add("fcs/unseen")
+
+    held = model._held({"elevator": {"replaces": ["-fcs/stab"]}})
+
+    alpha = np.interp(4.0 / 9.0, FLAT.lift, FLAT.alpha)
+    assert held == {
+        "ft/fcs/slat": pytest.approx(0.4 + alpha),
+        "ft/fcs/canard": 0.0,
+        "ft/fcs/late": 0.5,
+    }
+
+
+@pytest.mark.parametrize(
+    ("read", "replaced", "said"),
+    [
+        ({"fcs/left-aileron-pos-rad", "fcs/x/aileron-pos-norm", "fcs/mag-elevator-pos-rad",
+          "fcs/stabilator-pos-deg", "fcs/rudder-deflection-rad", "fcs/rudder-cmd-norm"},
+         {"aileron": ["fcs/left-aileron-pos-rad", "fcs/x/aileron-pos-norm"],
+          "elevator": ["fcs/mag-elevator-pos-rad", "fcs/stabilator-pos-deg"],
+          "rudder": ["fcs/rudder-deflection-rad"]}, ""),
+        # the magnitude of a deflection moves nothing: what moves is measured
+        ({"fcs/aileron-pos-rad", "fcs/mag-elevator-pos-rad", "fcs/rolls", "fcs/pitches"},
+         {"aileron": ["fcs/rolls"], "elevator": ["fcs/pitches"]}, ""),
+        ({"fcs/aileron-pos-rad", "fcs/elevator-pos-rad", "rudder"},
+         {"aileron": ["fcs/aileron-pos-rad"], "elevator": ["fcs/elevator-pos-rad"]}, ""),
+        # a rudder that is read is wanted
+        ({"fcs/aileron-pos-rad", "fcs/elevator-pos-rad", "fcs/rudder-cmd-norm"}, {}, ""),
+        ({"fcs/aileron-pos-rad", "fcs/rolls"}, {}, "nothing pitches it"),
+    ],
+)  # fmt: skip
+def test_positions_past_the_flight_control_are_those_that_the_aerodynamics_read(
+    read, replaced, said
+):
+    moments = {"fcs/rolls": (4.0, 0.0, 0.0), "fcs/pitches": (0.0, -4.0, 0.0)}
+    model = Steered({name: moments.get(name, (0.0,) * 3) for name in read})
+    model.tables["surfaces"] = {name: {"max": 1} for name in ("aileron", "elevator", "rudder")}
+
+    found, note = model._past_flight_control()
+
+    assert found == {name: {"max": 1, "replaces": x} for name, x in replaced.items()}
+    assert note.endswith(said)
+    assert bool(note) == bool(said)
+
+
+FLAP, BRAKE = "fcs/flap-pos-norm", "fcs/speedbrake-pos-norm"
+IN_BY = {FLAP: "/flap-in", BRAKE: "/brake-in", survey.GEAR: "/gear-in"}
+
+
+class Extended(Read):
+    """Flaps, brake and gear that are out by shares, each until a declared property is 1."""
+
+    def __init__(self, out, *, retracts="1", declared=(), values=()):
+        super().__init__((FLAP,), (BRAKE, survey.GEAR), declared=declared, values=values)
+        self.out = out
+        self.numbers |= dict.fromkeys(out, 0.0)
+        wheels = "".join(f"<retractable> {x} </retractable>" for x in (retracts, 0))
+        self.roots = [fromstring(f"<fdm_config>{wheels}</fdm_config>")]
+
+    def answers(self, state, numbers):
+        return {}, {
+            name: share * (numbers.get(IN_BY.get(name)) != 1.0) for name, share in self.out.items()
+        }
+
+
+def test_what_is_out_is_put_in_by_the_first_property_that_does_it():
+    zeros = ("/other", "/gear-in", "/flap-in", "/brake-in")
+    model = Extended({FLAP: 0.5, BRAKE: -0.4, survey.GEAR: 1.0}, declared=zeros)
+    # not if that is stated
+    stated = Extended({FLAP: 0.5}, declared=zeros, values={"/flap-in": 0.0})
+    within = Extended({FLAP: 0.009, "fcs/spoiler-pos-norm": 1.0})  # the latter is not read
+    fixed = Extended({survey.GEAR: 1.0}, retracts="0")
+
+    for each in (model, stated, within, fixed):
+        each.put_in()
+
+    put_in = dict.fromkeys(("/gear-in", "/flap-in", "/brake-in"), 1.0)
+    assert model.tables["declared"] == {"/other": 0.0, **put_in}
+    assert model.notes == [
+        f"{name} is in by {IN_BY[name]} = 1" for name in (survey.GEAR, FLAP, BRAKE)
+    ]
+    assert set(stated.tables["declared"].values()) == {0.0}
+    assert stated.notes == [f"{FLAP} is 0.5: it is out"]
+    assert within.notes == fixed.notes == []
+
+
+BODY = dict(zip(survey.BODY.values(), (70.0, 180.0, 900.0, 1300.0, 2000.0), strict=True))
+
+
+class Loaded(Read):
+    """A model with two engines, whose levers are 0, and a body."""
+
+    LEVERS = (
+        *("propulsion/fuel_freeze", "gear/gear-cmd-norm", "fcs/flap-cmd-norm"),
+        *("fcs/mixture-cmd-norm[0]", "fcs/mixture-cmd-norm[1]", "fcs/mixture-cmd-norm[2]"),
+        *("fcs/advance-cmd-norm[1]", "fcs/trim"),
+    )
+
+    def __init__(self, body=(), *, declared=(), values=(), surfaces=(), linked=()):
+        super().__init__(("fcs/a-cmd",), ("/fcs/slash", "fcs/b-cmd"), declared=declared)
+        self.values, self.tables["settings"] = dict(values), {}
+        self.tables["engines"]["count"] = 2
+        self.tables |= {"surfaces": dict(surfaces), "linked": dict(linked)}
+        self.numbers |= dict.fromkeys(self.LEVERS, 0.0) | BODY | dict(body)
+
+
+def test_levers_of_the_engines_are_full_and_others_are_in():
+    model = Loaded(
+        declared=("/x",), values={"/x": 3.0, "fcs/trim": 0.1}, linked={"fcs/b-cmd": "-fcs/a-cmd"},
+        surfaces={"aileron": {"command": "fcs/a-cmd"}, "elevator": {}},
+    )  # fmt: skip
+
+    model.set_levers()
+
+    assert model.tables["settings"] == {
+        "propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0, "fcs/flap-cmd-norm": 0.0,
+        "fcs/mixture-cmd-norm[0]": 1.0, "fcs/mixture-cmd-norm[1]": 1.0,
+        "fcs/advance-cmd-norm[1]": 1.0, "fcs/trim": 0.1,
+    }  # fmt: skip
+    assert model.tables["declared"] == {"/x": 3.0}
+    assert model.notes == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"values": {"fcs/none": 1.0}}, "--set fcs/none: the model must have .* neither.$"),
+        ({"values": {"fcs/slash": 1.0}}, "neither; it reads /fcs/slash, with a slash.$"),
+        ({"values": {"/fcs/slash": 1.0}}, "--set /fcs/slash: the model must have"),
+        ({"surfaces": {"rudder": {"command": "fcs/c"}}}, "--rudder: the model must read fcs/c,"),
+        ({"surfaces": {"rudder": {"command": "fcs/a-cmd"}}, "linked": {"fcs/d": "-fcs/a-cmd"}},
+         "--rudder: the model must read fcs/d,"),
+        ({"body": {"metrics/Sw-sqft": 0.0}}, "its wing area must be above zero, got 0 "),
+        ({"body": {"inertia/iyy-slugs_ft2": math.inf}}, "its inertia yy must be above zero"),
+    ],
+)  # fmt: skip
+def test_what_is_set_is_there_and_a_body_has_mass(asked, words):
+    with pytest.raises((ft.InputError, survey.Refusal), match=words):
+        Loaded(**asked).set_levers()
+
+
+def test_a_moment_of_inertia_above_the_sum_of_the_others_is_no_bodys():
+    """By more than a hundredth of the sum of all three: the mark is 2242 slug ft^2."""
+    small = {"metrics/Sw-sqft": 0.5}
+    models = [Loaded(small | {"inertia/izz-slugs_ft2": izz}) for izz in (2240.0, 2250.0)]
+
+    for model in models:
+        model.set_levers()
+
+    assert models[0].notes == []
+    (said,) = models[1].notes
+    assert "inertia zz exceeds the sum of the others" in said
+
+
+class Referring(Read):
+    """A model that refers to properties, one after the other, that are not there."""
+
+    late = ()  # those to which it refers in flight
+
+    def __init__(self, *refers, stated=(), values=(), says="Property {} does not exist"):
+        super().__init__(declared=(), values=values)
+        self.refers, self.says, self.tables["declared"] = refers, says, {}
+        paths = {absolute_name(name): x for name, x in dict(stated).items()}
+        self.stated = survey.Stated(files=("x-set.xml",), values=paths)
+        names = {*refers, *self.stated.values}
+        texts = "".join(f"<input> -{name} </input>" for name in names)
+        self.roots = [fromstring(f"<fdm_config><system>{texts}</system></fdm_config>")]
+
+    def load(self, **changed):
+        self.lack(self.refers)
+        return super().load(**changed)
+
+    def later(self, state):
+        self.lack(self.late)
+        return {}
+
+    def lack(self, names):
+        for name in names:
+            if name not in self.tables["declared"]:
+                raise ft.loop.PlantError(self.says.format(name))
+
+
+def test_what_a_model_refers_to_is_declared_with_what_is_stated_or_0():
+    model = Referring(
+        "a/b", "/c/d", "e/gear-cmd", "/position/altitude-ft", "g/h", "/velocities/mach",
+        stated={"a/b": 0.7, "e/gear-cmd": 1.0, "g/h": 9.0, "not/yet": 2.0},
+        values={"g/h": 5.0, "/velocities/mach": 0.4},
+    )  # fmt: skip
+    model.late = ("in/flight",)
+
+    model.declare()
+
+    assert model.tables["declared"] == {
+        "/velocities/mach": 0.4, "a/b": 0.7, "/c/d": 0.0, "e/gear-cmd": 0.0,
+        "/position/altitude-ft": 0.0, "g/h": 0.0, "in/flight": 0.0, "not/yet": 2.0,
+    }  # fmt: skip
+    # what FlightGear shows of the flight follows it, unless it is set
+    assert model.tables["linked"] == {"/position/altitude-ft": "position/h-sl-ft"}
+    assert [(x.V_a, round(x.alpha / DEG)) for x in model.levels[1:]] == [
+        *((60.0, 0), (15.0, 8), (150.0, 0), (300.0, 2))
+    ]
+
+
+def test_a_fault_that_no_declaration_cures_is_told(monkeypatch):
+    for faulty in (Referring("a/b", says="No such file"), Referring("ft/x")):
+        with pytest.raises(ft.loop.PlantError, match=r"No such file|ft/x"):
+            faulty.declare()
+    monkeypatch.setattr(survey, "MAX_DECLARED", 3)
+    names = ["a/b", "c/d"]
+    Referring(*names).declare()
+    with pytest.raises(survey.Refusal, match=r"more than 3 properties .* such as a/b, c/d, e/f$"):
+        Referring(*names, "e/f").declare()
+    with pytest.raises(survey.Refusal, match="more than 3"):
+        Referring(*names, values={"/v": 1.0}).declare()
+    for values in ({"a b": 1.0}, {"a/b": math.inf}):
+        with pytest.raises(ft.InputError, match="--set must be NAME=VALUE"):
+            Referring(values=values).declare()
+
+
+def test_values_that_are_stated_and_zeros_that_are_not_are_noted():
+    refers = ("a/b", "c/d", "e/f", "x/gear-cmd", *(f"/z/y{n}" for n in range(11)))
+    model = Referring(*refers, stated={"a/b": 0.7, "c/d": 0.0, "x/gear-cmd": 1.0})
+    model.declare()
+    model.tables["declared"]["/on"] = 1.0
+    off = [
+        survey.SwitchedOff("CDo", ("e/f",), "drag", 0.42),
+        survey.SwitchedOff("CLo", ("/z/y0", "/z/y1"), "lift", 0.05),
+        survey.SwitchedOff("CD2", ("e/f",), "drag", 0.1),
+    ]
+
+    model.note_values(off)
+
+    stated, lever, of_drag, of_lift, others = model.notes
+    assert stated == "x-set.xml states a/b = 0.7 and 0 for c/d and x/gear-cmd"
+    assert lever == "x/gear-cmd is 0 as in flight, 1 is stated"
+    assert of_drag == (
+        "e/f of another simulator is 0 and switches off CDo (with 1 up to 42 % of the drag) and "
+        "CD2 (with 1 up to 10 % of the drag): --set e/f=VALUE states it"
+    )
+    assert of_lift == (
+        "/z/y0 and /z/y1 of another simulator are 0 and switches off CLo (with 1 up to 5 % of the "
+        "lift): --set /z/y0=VALUE states them"
+    )
+    eight = ", ".join(f"/z/y{n}" for n in range(2, 10))
+    assert others == (
+        f"properties of another simulator are 0: {eight} and 1 more, all in `[declared]`"
+    )
+
+
+def test_zeros_that_the_aerodynamics_read_end_a_refusal():
+    one, two = (Referring(*names) for names in (("a/b", "c/d"), ("a/b", "c/d", "e/f")))
+    one.texts, two.texts = ({"a/b", "x/y"}, {"c/d"}), ({"a/b", "e/f"}, set())
+    two.stated = survey.Stated(
+        files=("x-set.xml", "y-set.xml"),
+        differ=frozenset({"/fdm/jsbsim/a/b"}),
+        unread=(("/fdm/jsbsim/e", "z.xml is a pipe"), ("/fdm/jsbsim/q", "no")),
+    )
+    assert one.zeros_in_words == ""
+    for model in (one, two):
+        model.declare()
+
+    assert "aerodynamics read a/b, which is" in one.zeros_in_words
+    assert one.zeros_in_words.endswith("--set a/b=VALUE states it")
+    assert "aerodynamics read a/b and e/f, which are" in two.zeros_in_words
+    assert two.zeros_in_words.endswith(
+        "(z.xml is a pipe; x-set.xml and y-set.xml state several values of a/b)"
+    )
+
+
+def test_texts_of_a_model_are_those_of_its_aerodynamics_and_all_others():
+    model = survey._Model(tables={}, folder=Path(), h=0.0, V_a=None, values={})
+    main = """<fdm_config> root <aerodynamics><function><p> -aero/x//y </p><t> table </t></function>
+        </aerodynamics><flight_control><channel><input> fcs/b </input></channel></flight_control>
+        <system><property> c/./d </property></system></fdm_config>"""
+    files = (
+        main,
+        "<aerodynamics><axis> e/f </axis></aerodynamics>",
+        "<autopilot><property>g/h</property><o><property>i/j</property></o></autopilot>",
+    )
+    model.roots = [fromstring(text) for text in files]
+
+    inside, outside = model.texts
+
+    assert inside - {""} == {"aero/x/y", "table", "e/f"}
+    assert outside - {""} == {"root", "fcs/b", "c/d", "g/h", "i/j"}
+    assert model.defined - {""} == {"c/d", "g/h"}
