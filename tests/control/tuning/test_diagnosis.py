@@ -52,6 +52,31 @@ def test_a_limit_in_the_way_of_one_gain_needs_the_factor_of_that_gain():
     assert of_roll["use"] == pytest.approx(0.1 * (4.0 + 0.1 * needed) / 9.0, **near)
 
 
+def test_a_command_that_the_fixed_gains_alone_exceed_leaves_none_and_its_limit_is_in_the_way():
+    """An error of 0.1 rad asks for four times the roll allowed, the integral gain for the rest."""
+    limits = ft.loop.Limits(
+        lower=(-0.1, -np.inf), upper=(0.1, np.inf), rate_lower=(-9.0, -np.inf),
+        rate_upper=(9.0, np.inf),
+    )  # fmt: skip
+    problem = replace(ALONE, I_star=20.0, limits=limits, x_0=np.array([0.1, 0.0]))
+    needed = brentq(lambda K_I: radius(K_I) - 20.0, 1.0, 3.0, rtol=1e-9)
+
+    tuned, found = ft.tune(problem, starts=1), diagnosis(problem)
+
+    assert (tuned.status, tuned.gains, tuned.smallest_I_K) == ("infeasible", None, None)
+    assert (tuned.R_K, tuned.agreeing) == (0.0, 0)
+    assert "No stabilising gains were found within the limits" in tuned.reason
+    assert (found.smallest_I_K, found.largest_R_K) == (np.inf, 0.0)
+    assert found.common_factor == pytest.approx(4.0 + 0.1 * needed, rel=1e-6)
+    assert found.binding == ("phi_max",)
+    of_roll, of_rate = found.limits
+    assert (of_roll["name"], of_rate["name"]) == ("phi", "phi_rate")
+    assert of_roll["factor_alone"] == pytest.approx(4.0 + 0.1 * needed, rel=1e-6)
+    assert of_roll["smallest_I_K_without"] == pytest.approx(radius(4.0), rel=1e-6)
+    assert (of_rate["factor_alone"], of_rate["smallest_I_K_without"]) == (np.inf, np.inf)
+    assert of_rate["use"] == pytest.approx(0.1 * needed / 9.0, rel=1e-6)
+
+
 @pytest.mark.parametrize(("I_star", "factor"), [(20.0, 0.0), (10.0, np.inf)])
 def test_where_no_limit_is_in_the_way_there_is_no_factor_or_none_suffices(I_star, factor):
     found = diagnosis(replace(ALONE, I_star=I_star))

@@ -37,6 +37,11 @@ def test_the_frontier_rises_from_the_smallest_i_k(paper_frontier):
     assert line.I_K.iloc[0] == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
     assert (np.diff(line.R_K) > 0.0).all()
     assert (line.I_K <= line.I_star * (1.0 + 1e-12)).all()
+    marks = paper_frontier[paper_frontier.name != "frontier"]
+    assert len(line) == 12
+    assert line.I_star.iloc[-1] == pytest.approx(max(3.0 * line.I_K.iloc[0], marks.I_K.max()))
+    assert (np.diff(line.I_star, 2) > 0.0).all()  # closest at the smallest
+    assert (line.active == "").all()  # without limits I_K alone binds
 
 
 def test_a_point_of_the_frontier_is_the_known_optimum(model):
@@ -58,6 +63,11 @@ def test_a_frontier_of_another_objective_is_refused(objective):
 
     with pytest.raises(ft.InputError, match=rf"`objective` .* got {objective}"):
         ft.frontier("mission", changes=changes)
+
+
+def test_a_frontier_has_two_points_or_more(model):
+    with pytest.raises(ft.InputError, match="`points` must be at least 2"):
+        frontier(ft.loop.TuningProblem(model=model), points=1)
 
 
 def test_a_file_is_no_folder_for_a_frontier(tmp_path):
