@@ -54,7 +54,7 @@ def plan():
 
 @pytest.fixture(scope="module")
 def search(plan):
-    with WorkerPool(Fliers(workers=1)) as pool:
+    with flown_here() as pool:
         law = Autopilot(name="now", parameters={"NPFG_PERIOD": 10.0})
         yield retune.Search(plan, law, KeptRows(None, {}, pool), draws=1)
 
