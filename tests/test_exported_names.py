@@ -22,6 +22,11 @@ PACKAGE = Path(flighttune.__file__).parent
 
 NAMES = public_names()
 QUICK = "loop.Controller", "show", "trim"
+LONG = (
+    *("Band", "Certificate", "Gradient", "Meeting", "RateBound", "Residual", "Tube"),
+    *("TuningResult", "identify", "mission"),
+)
+"""Names whose examples take long: results of verbs, whose own examples run, and two verbs."""
 PUBLIC = attrgetter(*NAMES)(flighttune)
 
 
@@ -109,7 +114,13 @@ def test_public_values_explain_every_attribute():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", marked(NAMES, pytest.mark.soak, but=QUICK))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *marked([x for x in NAMES if x not in LONG], pytest.mark.soak, but=QUICK),
+        *marked(LONG, pytest.mark.counts, but=()),
+    ],
+)
 def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monkeypatch):
     if name == "show":
         pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")
