@@ -18,9 +18,7 @@ from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.base.errors import StoppedError
-from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.kept import KeptRows
-from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignProgress
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting

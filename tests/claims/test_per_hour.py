@@ -136,12 +136,13 @@ def test_margins_are_distances_to_the_sides_and_the_top():
 
 @pytest.mark.soak
 def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
-    wide, narrow = (
-        per_hour.count_per_hour(
-            short_plan(), rates(), box(half), confidence=0.9, fliers=Fliers(workers=1)
+    with flown_here():
+        wide, narrow = (
+            per_hour.count_per_hour(
+                short_plan(), rates(), box(half), confidence=0.9, fliers=Fliers(workers=1)
+            )
+            for half in (1e4, 100.0)
         )
-        for half in (1e4, 100.0)
-    )
     # From the middle of the box, the route of 300 m leaves it after 100 m: 3.0 to 6.0 s at 25 m/s
     # over ground in up to 8 m/s of wind.
     assert wide.terms[0].count.outside == 0
@@ -153,12 +154,14 @@ def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
     narrow.save(file)
     loaded = per_hour.load_per_hour(file)
     assert loaded.bound == narrow.bound
-    assert ft.verify(file, count=2, workers=1).valid
+    with flown_here():
+        assert ft.verify(file, count=2, workers=1).valid
 
     stated = json.loads(file.read_text())
     stated["terms"][0]["left_s"] = [-1.0] * 8
     file.write_text(json.dumps(stated))
-    verified = ft.verify(file, count=8, workers=1)
+    with flown_here():
+        verified = ft.verify(file, count=8, workers=1)
     assert not verified.valid
     assert "healthy flight must be as JSBSim flies it again" in verified.reason
 
@@ -191,7 +194,7 @@ def ends(how, alarms=None, **fault):
 @pytest.mark.slow
 def test_a_flight_that_turns_back_is_the_same_to_the_bit_until_it_is_ended():
     flights = ends("turn_back", ended_s=2.0).term(0, 2.0, 6.0)
-    with WorkerPool(Fliers(workers=1)) as pool:
+    with flown_here() as pool:
         (flown,) = flights.flown(pool, [0], "counting")
     drawn = flights.plan.values_of(0)
     assert flown.ended_s == drawn["plant.airframe.fault.from_s"] + 2.0
@@ -230,7 +233,7 @@ def test_the_first_alarm_of_a_monitor_ends_any_flight(how):
     model = SignalModel(name="airspeed", target="V_a", terms=("1",), weights=(25.0,))
     alarms = Alarms(models=(model,), middle=(0.0,), half=(1e-3,))
     healthy = ends(how, alarms).term(None, None, 0.0)
-    with WorkerPool(Fliers(workers=1)) as pool:
+    with flown_here() as pool:
         (flown,) = healthy.flown(pool, [0], "counting")
     assert 0.0 <= flown.ended_s < 2.0
     # After a cut the aircraft leaves its envelope within seconds; two circles take longer.

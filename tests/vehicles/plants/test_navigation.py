@@ -137,7 +137,7 @@ def test_half_of_the_fixes_are_within_the_circular_error_probable():
 @pytest.mark.parametrize("grade", model.GRADES)
 def test_the_page_has_the_deviations_of_a_moment(grade):
     drawn = np.array(
-        [ft.loop.Navigation.of(grade, seed=seed).errors(1, DT, V)[0] for seed in range(400)]
+        [ft.loop.Navigation.of(grade, seed=seed).errors(1, DT, V)[0] for seed in range(200)]
     )
     sd = dict(zip(model.ERRORS, np.std(drawn, axis=0), strict=True))
     sd |= {"phi": sd["phi"] / DEG}
@@ -318,7 +318,7 @@ def test_the_emulated_px4_arrives():
     """Positions that wander by 1.5 m were differences of 1.9 m/s to it, and their differences."""
     air = WIND | {"turbulence": {"intensity": "light"}}
 
-    runs = [flown({"grade": "standard"}, seed=seed, **PX4, **air) for seed in range(10)]
+    runs = [flown({"grade": "standard"}, seed=seed, **PX4, **air) for seed in range(3)]
 
     assert max(abs(run.signals["height_err"]).max() for run in runs) < 25.0
 
