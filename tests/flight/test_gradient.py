@@ -67,6 +67,7 @@ CASES = {
 }
 
 QUICK = "the paper's law in still air", "sensors"
+REST = "a propeller aircraft", "a jet", "the exact law in turbulence"
 
 
 def differences(entry, name, value, width):
@@ -78,7 +79,13 @@ def differences(entry, name, value, width):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", marked(CASES, pytest.mark.soak, but=QUICK))
+@pytest.mark.parametrize(
+    "case",
+    [
+        *marked([case for case in CASES if case not in REST], pytest.mark.soak, but=QUICK),
+        *marked(REST, pytest.mark.counts, but=()),
+    ],
+)
 def test_slopes_are_central_differences_where_those_are_good(case):
     changes, by = CASES[case]
     flown = scenario(**changes)
