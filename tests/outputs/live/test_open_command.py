@@ -44,7 +44,7 @@ def test_it_prints_an_address_and_the_way_to_it_from_elsewhere(opened, tmp_path)
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("number", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.counts)])
 def test_a_signal_ends_the_page(opened, number):
     running, line = opened
     port = int(re.search(r":(\d+)/", line)[1])
