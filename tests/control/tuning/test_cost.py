@@ -89,6 +89,7 @@ def test_a_regulator_of_the_same_rate_is_not_better(problem):
     assert rate == pytest.approx(0.55, abs=0.001)
     assert found.cost < quadratic_cost(problem, K)[0]
     assert quadratic_cost(problem, K)[0] == pytest.approx(1.42, abs=LAST_DIGIT)
+    assert found.agreeing == found.starts == 3  # from the gains of the largest R_K too
 
 
 def integrating(model):

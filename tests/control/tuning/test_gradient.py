@@ -97,6 +97,25 @@ def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed():
     assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
 
 
+def test_a_channel_that_the_rate_leaves_open_has_the_smallest_trace_of_q():
+    """Of ``e'' + p e' + q e = 0`` it is ``(2 + q + 1/q) / (2 p) + p / (2 q)``, least at ``q + 1``.
+
+    This falls with q, up to the bound on the integral gain.
+    """
+    level = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    K_max = np.full((2, 4), 20.0)
+    K_max[1, 3] = 4.0
+    slow_course = np.array([[4.0, 0.0, 0.5, 0.0], [0.0, np.nan, 0.0, np.nan]])
+
+    found = ft.tune(ft.loop.TuningProblem(model=level, K_fixed=slow_course, K_max=K_max), starts=1)
+
+    per_gain = 9.81 / 25.0
+    course = np.array([[-4.0 * per_gain, -0.5 * per_gain], [1.0, 0.0]])
+    assert found.R_K == pytest.approx(ft.loop.indicators(course).R_K, rel=1e-9)
+    assert found.gains.K[1, [1, 3]] == pytest.approx([(4.0 * per_gain + 1.0) / per_gain, 4.0], 1e-5)
+    assert found.active == ("K_I[n_z,gamma]_max",)
+
+
 def test_structure_and_bounds_are_kept_and_named(model):
     K_max = np.full((2, 4), 3.0)
 
