@@ -21,7 +21,7 @@ LEAST_RECORDING = 100_000
 """Bytes; what comes first is shorter."""
 
 # What they show is what other tests count: agents, requirements, missions and logs.
-OF_OTHER_TESTS = "agent", "requirement", "mission"
+OF_OTHER_TESTS = "agent", "requirement", "mission", "log"
 
 # Characters of an output.
 LONGEST_TEXT = 3000
