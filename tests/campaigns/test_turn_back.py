@@ -106,7 +106,7 @@ def test_the_formula_of_a_route_is_that_of_its_largest_airspeed(turning):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.counts)])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""
     run, turn_back = flown(turning, at_m=200.0, side=side)
@@ -572,14 +572,11 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     assert "got a TurnBack" in flighttune(*flying, status=2)[1]
 
 
-@pytest.mark.soak
-@pytest.mark.usefixtures("few_learned")
 def test_a_room_that_is_not_claimed_is_said_in_the_first_lines_with_how_its_flights_ended():
     changes = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
-    few = {"epsilon": 0.3, "confidence": 0.9, "workers": 1}
-    of_law = {"plant": "kinematic", "gains": "paper", "learn": 10, "flights": 7}
-    corridor = ft.band("circuit", start_deg=1.0, changes=changes, **of_law, **few)
-    odds = ft.mission(corridor, turn_back=BANK, **few)
+    plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
+    room = count_on(TurnBack, turned_back(plan), [271.2, 3.4])
+    odds = MissionOdds(band=count_on(ft.Band, plan, [5.0, 2.0]), room=room, files={})
     extremes = odds.room.extremes.copy()
     extremes[:3] = np.float32([-np.inf, np.inf])
     draws = odds.room.draws[:3].tolist()
