@@ -102,7 +102,7 @@ WINDY = {
     "wind.speed_mps": 5.0,
     "wind.from_deg": 70.0,
     "turbulence.intensity": "moderate",
-    "route.waypoint": ROUTE["waypoint"],
+    "route.waypoint": ROUTE["waypoint"][:3],
     "route.wind_mps": 8.0,
 }
 

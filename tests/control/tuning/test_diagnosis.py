@@ -142,7 +142,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
     assert all(limit["factor_alone"] == np.inf for limit in printed_diagnosis.limits)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     found = diagnosis(relaxed(printed, 20.0, 20.0, 1.0, 20.0))
 
@@ -151,7 +151,7 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     assert worst["factor_alone"] == pytest.approx(found.common_factor, rel=1e-6)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_without_limits_there_is_no_factor(model):
     unlimited = diagnosis(ft.loop.TuningProblem(model=model, I_star=5.0))
     assert (unlimited.common_factor, unlimited.limits) == (0.0, ())

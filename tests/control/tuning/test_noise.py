@@ -146,7 +146,7 @@ def test_random_gains_around_the_answer_are_no_better():
     result, rng = tuned(4.0, 0.2), np.random.default_rng(1)
     problem, gains = result.problem, result.gains
     loop = NoisyLoop(problem.model, problem.noise)
-    for _ in range(800):
+    for _ in range(400):
         K = gains.K * rng.uniform(0.85, 1.15, gains.K.shape)
         fed = np.array(gains.feedback) * rng.uniform(0.85, 1.15, 2)
         found = loop.rms(K, fed)

@@ -45,7 +45,7 @@ def late_actuator(part, of=components._COMPONENTS["actuator"]):
     "wrong",
     [
         (rigid_body, "quaternion_of", textbook_quaternion),
-        pytest.param((run, "gravity", heavier), marks=pytest.mark.slow),
+        pytest.param((run, "gravity", heavier), marks=pytest.mark.counts),
         pytest.param((components._COMPONENTS, "actuator", late_actuator), marks=pytest.mark.slow),
     ],
     ids=["quaternion", "gravity", "actuator"],
