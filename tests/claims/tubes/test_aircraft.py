@@ -159,6 +159,18 @@ def test_what_the_boxes_say_nothing_about_is_refused(known, scenario, options, w
         tube(scenario, **{"gains": ft.PAPER_GAINS, "band": known, **options})
 
 
+def test_boxes_are_of_the_aircraft_that_was_counted_with_the_files_it_has(known):
+    other = aircraft_scenario().as_dict() | {"plant": [{"kind": "jsbsim", "aircraft": "c172p"}]}
+    files = dict.fromkeys(known.flights.aircraft, "0" * 64)
+    changed = replace(known, flights=replace(known.flights, aircraft=files))
+
+    words = "`aircraft` must be aerosonde with the files it was flown with, got"
+    with pytest.raises(ft.InputError, match=f"{words} c172p"):
+        tube(ft.scenario_from(other), ft.PAPER_GAINS, band=known)
+    with pytest.raises(ft.InputError, match=f"{words} aerosonde"):
+        tube(aircraft_scenario(), ft.PAPER_GAINS, band=changed)
+
+
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory):
     """The file of a tube, and that of the band its boxes come from."""

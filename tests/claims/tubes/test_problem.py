@@ -58,6 +58,11 @@ def test_a_feed_forward_adds_the_lift_of_the_reference_path(ahead, lift):
     assert loop.reference[:, -1] == pytest.approx(np.full(len(loop.reference), lift))
 
 
+def test_a_route_has_no_tube():
+    with pytest.raises(ft.InputError, match="`route` must be absent for a tube"):
+        stated_problem("circuit")
+
+
 @pytest.mark.parametrize(
     ("chi", "gamma", "words"),
     [
