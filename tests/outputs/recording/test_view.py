@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 import urllib.request
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -47,14 +47,13 @@ def until(condition):
     return condition()
 
 
-@pytest.fixture
-def served(recording, monkeypatch):
+@contextmanager
+def serving(recording):
     """`flighttune view --port` with its page up: process, port, and the line it printed."""
-    for name in DISPLAYS:
-        monkeypatch.delenv(name, raising=False)
     port = pair_of_ports()
     command = [*COMMAND, str(recording), "--port", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+    without = {name: value for name, value in os.environ.items() if name not in DISPLAYS}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=without) as running:
         watchdog = threading.Timer(LONGEST_S, running.kill)
         watchdog.start()
         line = running.stdout.readline()
@@ -71,16 +70,20 @@ def served(recording, monkeypatch):
                     process.kill()
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("number", first_or_all(["SIGTERM", "SIGHUP", "SIGINT"]))
-def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
-    running, port, _ = served
+@pytest.fixture(scope="module")
+def started():
+    """Commands of this module, the last of which may still be there, and what ends them."""
+    with ExitStack() as ends:
+        yield [], ends
 
-    running.send_signal(signal.Signals[number])
 
-    assert running.wait(timeout=LONGEST_S) == 0
-    assert until(lambda: not listening(port))
-    assert not listening(port + 1)
+@pytest.fixture
+def served(recording, started):
+    """What `serving` has of a command that is there."""
+    commands, ends = started
+    if not commands or commands[-1][0].poll() is not None:
+        commands.append(ends.enter_context(serving(recording)))
+    return commands[-1]
 
 
 @pytest.mark.soak
@@ -140,3 +143,15 @@ def test_the_page_and_its_data_are_served_on_this_machine_only(served):
     for local, remote in found:
         assert local in LOOPBACK
         assert remote in LOOPBACK | ANY_ADDRESS
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", first_or_all(["SIGTERM", "SIGHUP", "SIGINT"]))
+def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
+    running, port, _ = served
+
+    running.send_signal(signal.Signals[number])
+
+    assert running.wait(timeout=LONGEST_S) == 0
+    assert until(lambda: not listening(port))
+    assert not listening(port + 1)

@@ -107,7 +107,7 @@ COMMANDS = {
     "campaign": "campaign own_all.toml --out again3",
     "counted": f"band own.toml --start-deg 1 --out again.npz {COUNTED}",
     "worst": "worst own_all.toml --budget 32",
-    "frontier": "tune own.toml --frontier --set tuning.model=kinematic --out frontier",
+    "frontier": "tune own.toml --frontier --points 2 --set tuning.model=kinematic --out frontier",
     "exported in C": "export own.toml --format c --out c",
     "gap": "gap flown.toml --out gap",
     "exported": "export flown.toml --out folder",
