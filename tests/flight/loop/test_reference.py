@@ -155,9 +155,68 @@ def test_an_airspeed_may_go_up_and_down_and_back():
         ]},
         limits={"n_x": [-0.3, 0.3]}, plant=[{"kind": "point_mass"}], gains=["tuned"],
     )  # fmt: skip
-    reference = ft.scenario_from(tables).stated_reference
+    jump = [{"shape": "step", "start_s": 0.5, "change_mps": 2.0}]
+    faster = ft.scenario_from(tables | {"reference": tables["reference"] | {"V_mps": jump}})
+    assert faster.reference.airspeeds(faster.flight) == pytest.approx((25.0, 27.0))
+    assert faster.reference.steepest(faster.flight) == (0.0, 0.0)
+    scenario = ft.scenario_from(tables)
+    reference = scenario.stated_reference
+    assert scenario.reference.airspeeds(scenario.flight) == pytest.approx((23.0, 26.5))
+    assert not scenario.reference.batched
 
     V, V_dot = reference.airspeed(np.array([0.0, 2.0, 4.9, 5.0, 7.9, 8.0, 12.0, 20.0]))
 
     assert V == pytest.approx([25.0, 26.5, 26.5, 23.5, 23.5, 25.0, 24.0, 23.0])
     assert V_dot == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0])
+
+
+def test_segments_of_course_and_path_angle_add_to_the_start_of_the_flight():
+    """From 5 deg a step of 4, a ramp of 2 deg/s and a doublet; down 3 deg from a climb of 1."""
+    tables = scenario_tables(
+        flight={"V_a_mps": 25.0, "chi_deg": 5.0, "gamma_deg": 1.0, "duration_s": 20.0},
+        reference={
+            "chi_deg": [
+                {"shape": "step", "change_deg": 4.0},
+                {"shape": "ramp", "start_s": 2.0, "duration_s": 3.0, "rate_dps": 2.0},
+                {"shape": "doublet", "start_s": 8.0, "width_s": 1.5, "amplitude_deg": 7.0},
+            ],
+            "gamma_deg": [{"shape": "doublet", "width_s": 2.0, "amplitude_deg": -3.0}],
+        },
+    )
+    scenario = ft.scenario_from(tables)
+
+    t = np.array([0.0, 2.0, 3.0, 5.0, 7.9, 8.0, 9.4, 9.5, 10.9, 11.0, 20.0])
+    chi, gamma = scenario.stated_reference.sampled(t)
+
+    assert np.degrees(chi) == pytest.approx([9, 9, 11, 15, 15, 22, 22, 8, 8, 15, 15])
+    assert np.degrees(gamma) == pytest.approx([-2, 4, 4, 1, 1, 1, 1, 1, 1, 1, 1])
+    reference, flight = scenario.reference, scenario.flight
+    time, steepest = reference.steepest(flight)
+    assert steepest == pytest.approx(4.0)
+    assert 2.0 <= time <= 4.0
+    assert [key for key, _ in reference.segments] == ["chi_deg"] * 3 + ["gamma_deg"]
+    assert (reference.batched, reference.ramps_in) == (True, [])
+
+
+def test_the_steepest_path_angle_may_be_at_a_break_at_the_end_or_just_before_a_jump():
+    def steepest(*segments, seconds=10.0):
+        flight = {"V_a_mps": 25.0, "gamma_deg": 2.0, "duration_s": seconds}
+        reference = {"chi_deg": 0.0, "gamma_deg": [*segments]}
+        scenario = ft.scenario_from(scenario_tables(flight=flight, reference=reference))
+        return scenario.reference.steepest(scenario.flight)
+
+    ramp = {"shape": "ramp", "start_s": 1.0, "duration_s": 4.0, "rate_dps": -2.0}
+    drop = {"shape": "step", "start_s": 3.0, "change_deg": 5.0}
+
+    assert steepest(ramp) == (5.0, pytest.approx(-6.0))
+    assert steepest(ramp | {"start_s": 3.0, "rate_dps": -0.5}) == (0.0, pytest.approx(2.0))
+    assert steepest(ramp, seconds=4.0) == (4.0, pytest.approx(-4.0))
+    time, angle = steepest(ramp | {"rate_dps": -3.0}, drop)
+    assert (time, angle) == (5.0, pytest.approx(-5.0))
+    time, angle = steepest(ramp | {"rate_dps": -3.0}, drop | {"change_deg": 9.0})
+    assert (time, angle) == (pytest.approx(3.0), pytest.approx(5.0))
+    time, angle = steepest(ramp | {"rate_dps": 3.0}, drop | {"change_deg": -20.0})
+    assert (time, angle) == (3.0, pytest.approx(-12.0))
+    time, angle = steepest(ramp | {"rate_dps": 4.0}, drop | {"change_deg": -11.0})
+    assert (time, angle) == (pytest.approx(3.0), pytest.approx(10.0))
+    assert time < 3.0
