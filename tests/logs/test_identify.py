@@ -1,6 +1,7 @@
 """Lags from logs written by the tests are those of the plant flown; a model from logs flies."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ from made_up import made_up_run
 from scipy.signal import lfilter, lsim
 
 import flighttune as ft
+from flighttune.flight.new import new_scenario
 from flighttune.logs import identify
 from flighttune.vehicles.identification import fit
 from flighttune.vehicles.identification.fit import fit_percent
@@ -153,8 +155,9 @@ def test_a_log_takes_no_airspeeds(log):
 
 
 def test_of_an_aircraft_nothing_is_assumed():
-    with pytest.raises(ft.InputError, match=r"`assume` must be absent"):
-        ft.identify("aerosonde", assume={"n_z": 5.0})
+    for options in ({"assume": {"n_z": 5.0}}, {"columns": ["phi=roll"]}):
+        with pytest.raises(ft.InputError, match=r"`columns` and `assume` must be absent"):
+            ft.identify("aerosonde", **options)
 
 
 @pytest.mark.slow
@@ -456,7 +459,7 @@ def rolled():
     """Rolls to 20 deg and back to -15 deg by commands of a third more, at 21 m/s."""
     t = 0.1 * np.arange(500)
     phi = np.where(np.sin(0.5 * t) > 0.0, 20.0, -15.0) / 57.29577951308232
-    columns = {"phi": phi, "phi_cmd": 4.0 / 3.0 * phi, "V_a": 21.0, "h": 123.44, "V_g": 20.0}
+    columns = {"phi": phi, "phi_cmd": 4.0 / 3.0 * phi, "V_a": 21.0376, "h": 123.44, "V_g": 20.0}
     return made_up_run({name: np.broadcast_to(x, 500) for name, x in columns.items()}, t)
 
 
@@ -472,7 +475,7 @@ def test_a_model_of_a_log_has_what_it_shows_and_what_is_assumed(rolled):
     (condition,) = model.conditions
     assert (model.aircraft, condition.V_a, condition.gamma, condition.h) == (
         "mine",
-        21.0,
+        21.0376,
         0.0,
         123.4,
     )
@@ -487,6 +490,35 @@ def test_a_model_of_a_log_has_what_it_shows_and_what_is_assumed(rolled):
     assert log.phi_deg == pytest.approx([-20.0, 80.0 / 3.0])
     assert (log.n_z, log.n_z_rate_per_s) == ((0.5, 1.5), 2.0)
     assert (log.residual_rad_s, log.residual_stretches) == (None, 0)
+
+
+def test_a_new_scenario_of_a_model_from_logs_has_its_limits_and_its_start(
+    rolled, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    model = identify._aircraft([rolled], ("mine",), {}, {"phi": 4.0, "n_z": 5.0})
+    model.save(tmp_path / "mine.json")
+
+    file = new_scenario("first", aircraft="mine.json")
+
+    made = ft.load_scenario(file)
+    assert (made.flight.V_a_mps, made.flight.h_m, made.flight.gamma_deg) == (21.04, 123.4, 0.0)
+    assert made.limits.phi_deg == (-20.0, 26.7)  # three digits of what the log shows
+    assert made.limits.n_z == (0.5, 1.5)
+    rate = float(np.percentile(np.abs(np.gradient(rolled.signals["phi"], rolled.t)), 99.0))
+    assert made.limits.phi_rate_dps == pytest.approx(math.degrees(rate), rel=2e-3)
+    assert made.limits.n_z_rate_per_s == 2.0
+    chi, gamma = made.stated_reference.sampled(np.array([0.0, made.flight.duration_s]))
+    assert np.degrees(chi) == pytest.approx([30.0, 30.0])
+    assert np.degrees(gamma) == pytest.approx([3.0, 3.0])
+    first, second = made.plant
+    assert (first.kind, second.kind) == ("kinematic", "point_mass_lag")
+    assert Path(second.identified) == Path("mine.json")
+    text = file.read_text()
+    assert "# start: as in mine" in text
+    assert "# as seen in the logs" in text
+    assert "speed_priority" not in text
+    assert "phi of mine follows its command at 4 rad/s" in text
 
 
 def test_a_channel_that_never_moves_shows_no_limits_and_its_model_is_read_again(tmp_path):

@@ -1,10 +1,12 @@
 """Logs of every kind written from one flight come back as that flight; bad ones are one line."""
 
+import math
 import re
 import socket
 import struct
 import time
 from contextlib import suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -148,6 +150,23 @@ def test_a_dataflash_log_that_was_converted_to_text_is_read(tmp_path):
 
     assert signals["phi"][10.0] == pytest.approx(np.deg2rad(10.0))
     assert signals["phi_cmd"][10.0] == pytest.approx(np.deg2rad(12.0))
+
+
+@pytest.mark.parametrize(
+    ("fields", "seconds"),
+    [
+        ({"TimeUS": 2_500_000}, 2.5),
+        ({"TimeUS": 0, "TimeMS": 2500}, 0.0),
+        ({"TimeMS": 2500}, 2.5),
+        ({"TimeMS": 345_600_000, "T": 2500}, 2.5),  # of GPS before 2015: the time of the week
+        ({"TimeMS": 345_600_000, "T": 0}, 0.0),
+        ({"Roll": 3.0}, math.nan),
+    ],
+)
+def test_a_message_of_a_dataflash_log_has_the_time_since_boot(fields, seconds):
+    message = SimpleNamespace(**fields)
+
+    assert read._dataflash_clock(message) == pytest.approx(seconds, nan_ok=True)
 
 
 def test_the_part_of_a_log_in_a_flight_mode_has_the_times_of_that_mode_alone(tmp_path):
