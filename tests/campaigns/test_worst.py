@@ -119,6 +119,12 @@ def test_a_start_on_its_reference_has_nothing_to_settle_and_is_not_the_worst():
     assert values(near) == [pytest.approx(0.09 / 35.0 - 1.0), -worst_module.FAILED]
     assert values(far) == [pytest.approx(0.2), 4.8]
     assert values({**far, "chi.settling_s": None}) == [worst_module.FAILED] * 2
+    # a time that there is counts, however near the start
+    assert values({**near, "chi.settling_s": 4.8}) == [pytest.approx(0.2), 4.8]
+    alone = small_plan(expect=[{"at_most": {"chi": {"settling_s": 4.0}}}]).scenario
+    assert worst_module.value_of(near, "margin", alone) == -worst_module.FAILED
+    nothing = small_plan().scenario
+    assert worst_module.value_of(far, "margin", nothing) == worst_module.FAILED
     del near["chi.settling_band_rad"]  # a row of a scenario without a bound on the settling time
     assert values(near)[1] == -worst_module.FAILED
 
@@ -310,14 +316,16 @@ def test_signs_are_deviations_of_the_start_and_switches_of_the_disturbance():
     waves = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
     pushed = small_plan(disturbance=waves)
     stated = worst_module.StatedSet(pushed, None, sizes=(0.1, 0.2), start_deg=3.0)
-    signs = np.array([[1.0, -1.0], [1.0, -1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+    signs = np.array([[1.0, -1.0], [-1.0, -1.0], [1.0, -1.0], [1.0, -1.0], [1.0, 1.0]])
 
-    plan, (drawn,) = stated._switched([signs])
+    plan, (drawn, other) = stated._switched([signs, -signs])
 
     rate = plan.scenario.controller.rate_hz
     assert (drawn["flight.chi_deg"], drawn["flight.gamma_deg"]) == (3.0, -3.0)
-    assert (drawn["disturbance.chi_amplitude"], drawn["disturbance.gamma_amplitude"]) == (0.1, -0.2)
-    assert drawn["disturbance.chi_switch_s"] == [2.0 / rate]
+    amplitudes = [f"disturbance.{channel}_amplitude" for channel in ("chi", "gamma")]
+    assert [drawn[name] for name in amplitudes] == [-0.1, -0.2]
+    assert [other[name] for name in amplitudes] == [0.1, 0.2]
+    assert drawn["disturbance.chi_switch_s"] == [1.0 / rate]
     assert drawn["disturbance.gamma_switch_s"] == [3.0 / rate]
     assert plan.scenario.disturbance is None
-    assert (plan.runs, [*plan.keys]) == (1, ["flight.chi_deg", "flight.gamma_deg"])
+    assert (plan.runs, [*plan.keys]) == (2, ["flight.chi_deg", "flight.gamma_deg"])
