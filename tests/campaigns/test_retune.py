@@ -115,6 +115,7 @@ WEAK = replace(SAFE, gain_increase=1.9)  # 5.6 dB
 FAST = flight(1.0, 2.0, 1.0, 4.0, rates=(0.21, 0.5))
 TRADED = flight(2.2, 1.0, 1.0, 4.0)  # cheaper, and farther from the track
 SWINGING = flight(1.0, 2.0, 1.0, 4.4)  # nearer to the track, about which it swings
+FAR = flight(30.0, 3.0, 1.0, 4.0)
 SLOWING = flight(1.0, 2.0, 1.0, 4.0, airspeed=3.1)  # nearer to the stall for a moment
 
 
@@ -125,6 +126,8 @@ SLOWING = flight(1.0, 2.0, 1.0, 4.0, airspeed=3.1)  # nearer to the stall for a 
         (rows_of([BETTER] * 9, [GOOD] * 9), {}, "not surely better"),
         # 5 of 5 draws: 0.5 is not below the interval of Clopper and Pearson, 0.478 to 1
         (rows_of([GOOD] * 5, [BETTER] * 5), {}, "in 5 of 5 draws: that is not surely better"),
+        # less in most draws, and more on average
+        (rows_of([GOOD] * 9, [BETTER] * 8 + [FAR]), {}, "and less in 8 of 9 draws"),
         (rows_of([GOOD] * 9, [LOST] * 9), {}, "it loses 9 of 9 aircraft, yours 0"),
         (rows_of([GOOD] * 9, [BETTER] * 9), {"margins": (WEAK, SAFE)}, "gain margin of roll is"),
         (
@@ -157,6 +160,11 @@ SLOWING = flight(1.0, 2.0, 1.0, 4.0, airspeed=3.1)  # nearer to the stall for a 
 )
 def test_nothing_is_written_that_is_worse_or_loses_more_or_has_less_margin(rows, more, words):
     assert words in " ".join(against(rows, **more))
+
+
+def test_a_mean_that_grows_in_a_few_draws_is_not_surely_larger():
+    few = [flight(3.0, 1.0, 1.0, 4.0)] * 4 + [flight(1.9, 1.0, 1.0, 4.0)] * 5  # 2.39 m for 2 m
+    assert against(rows_of([GOOD] * 9, few)) == []
 
 
 def test_two_flights_of_93_that_leave_the_others_behind_are_enough_to_write_nothing():
@@ -247,6 +255,8 @@ def test_the_answer_says_what_its_flights_tell_and_what_they_do_not(file, plan):
     assert "Of 70 candidates on 6 draws 4 flew on 12 others, and the best of these on 93 " in words
     assert f"at most 5 % | {100.0 * none:.2g} % of all flights are lost" in words
     assert "sure if one is better in 57 of them" in words
+    # of 5 never, of 6 only in all
+    assert [retuned_of(rows, file, plan.with_runs(n)).sure_from for n in (5, 6)] == [6, 6]
     assert "No difference is sure in so few" in retuned.told(
         retuned_of(rows, file, plan.with_runs(5))
     )
@@ -294,6 +304,58 @@ def test_the_answer_states_both_sides_of_every_number(file, plan):
     others = retuned.aircraft(replace(counted, file=counted.file.with_suffix(".ulg")))
     assert "`--aircraft " in others
     assert "flies the lags of the log instead" in others
+
+
+def test_what_changed_is_written_into_the_file_of_the_user_or_a_new_one(file, plan, tmp_path):
+    rows = rows_of([GOOD] * 9, [BETTER] * 9).assign(plant="jsbsim:aerosonde")
+    counted = retuned_of(rows, file, plan.with_runs(9))
+    ardupilot = tmp_path / "plane.parm"
+    ardupilot.write_text("NAVL1_PERIOD 10\n")
+    of_log = replace(counted, file=tmp_path / "flown.ULG")
+    of_other = replace(of_log, now=flown_now(ardupilot, "4.5"))
+
+    texts = [
+        counted.save_parameters(tmp_path / "a.params").read_text(),
+        *(x.save_parameters(tmp_path / "b.params").read_text() for x in (of_log, of_other)),
+    ]
+
+    rest = [[x for x in text.splitlines() if not x.startswith("# ")] for text in texts]
+    old = [x for x in file.read_text().splitlines() if not x.startswith("# ")]
+    assert [a for a, b in zip(rest[0], old, strict=True) if a != b] == ["1\t1\tNPFG_PERIOD\t7\t9"]
+    assert rest[1:] == [["1\t1\tNPFG_PERIOD\t7\t9"], ["NPFG_PERIOD,7"]]
+    assert all("NPFG_PERIOD 10 to 7" in text for text in texts)
+    with pytest.raises(ft.InputError, match="must be better to be written: slower"):
+        replace(counted, against=("slower",)).save_parameters(tmp_path / "c.params")
+    assert not (tmp_path / "c.params").exists()
+
+
+def test_rows_of_guidances_are_those_of_their_own_flights_on_the_first_draws(plan):
+    """Two guidances fly on three draws, and the gains of the plan do not."""
+    asked = []
+
+    def flown(plan, probes, *, doing):
+        asked.append((plan, {*probes}))
+        size = len(plan.groups)
+        each = ((run, *divmod(run, size)) for run in range(plan.runs))
+        return [
+            {"run": run, "draw": draw, "kept": [run], "success": True, "reason": "", "missed": "",
+             "status": "completed"} | plan.groups[k]._asdict()
+            for run, draw, k in each
+        ]  # fmt: skip
+
+    laws = {f"c{n}": law_of(period) for n, period in enumerate((9.0, 8.0))}
+
+    rows = retune.fly(plan, laws, 3, SimpleNamespace(flown=flown))
+
+    ((of_both, probes),) = asked
+    assert (of_both.runs, len(of_both.groups)) == (6, 2)
+    assert probes == {"kept", retune.KEPT}
+    assert rows["gains"].tolist() == ["c0", "c1"] * 3
+    assert rows["draw"].tolist() == [0, 0, 1, 1, 2, 2]
+    own = {x.name: x.parameters for x in of_both.scenario.law_tables if x.name in laws}
+    assert own == {name: law.parameters for name, law in laws.items()}
+    assert [x.gains.partition(":")[0] for x in of_both.groups] == [*laws]
+    assert retune.fly(plan, {}, 3, None).empty
 
 
 @pytest.mark.parametrize(
@@ -416,14 +478,12 @@ def test_a_result_at_the_end_of_a_range_or_near_a_bound_is_held_by_it():
     """Ends of the range are a hundredth of it, bounds a twentieth."""
     errors = {10.0: GOOD, 7.0: growing(1.0, 1.0)}
     final = made_up(errors)
-    ends = [
-        retune.Range("NPFG_PERIOD", low, high)
-        for low, high in ((7.0, 20.0), (2.0, 7.0), (2.0, 20.0))
-    ]
+    near, far = [(7.0, 20.0), (2.0, 7.0), (6.93, 20.0), (2.0, 7.08)], [(6.8, 20.0), (2.0, 7.2)]
+    ends = [retune.Range("NPFG_PERIOD", low, high) for low, high in near + far]
 
     held = [[str(x) for x in retune._held_by(final, final, [end])] for end in ends]
 
-    assert held == [["the range of NPFG_PERIOD"]] * 2 + [[]]
+    assert held == [["the range of NPFG_PERIOD"]] * 4 + [[]] * 2
     near = made_up({10.0: GOOD, 7.0: flight(2.0, 1.0, 1.0, 4.0, rates=(0.192, 0.5))})
     assert [str(x) for x in retune._held_by(near, near, [])] == ["the rate of the commanded roll"]
     far = made_up({10.0: GOOD, 7.0: flight(2.0, 1.0, 1.0, 4.0, rates=(0.188, 0.5))})
@@ -563,6 +623,10 @@ def test_a_search_whose_candidates_are_all_refused_names_the_bound():
     assert [str(x) for x in held] == ["the mean error of airspeed"]
     unflown = MadeUpFlights(candidate_of(GOOD, law_of(10.0)))
     assert retune._held_by(made_up({10.0: GOOD, 9.0: BETTER}), unflown, []) == []
+    # of two that cost less, the cheapest
+    far = flight(2.6, 2.0, 1.0, 4.0)
+    two = made_up({10.0: GOOD, 8.0: far, 9.0: growing(1.0, 1.045)})
+    assert [str(x) for x in retune._held_by(two, unflown, [])] == ["the mean error of airspeed"]
 
 
 def test_no_more_candidates_are_flown_again_than_stated():

@@ -56,6 +56,7 @@ def test_an_adoption_says_its_steps_and_writes_its_files(adopted):
     assert {name: (found.folder / name).read_text() for name in FILES} == found.texts
     assert 'model = "../sonde/aerosonde.xml"' in found.texts["aircraft.toml"]
     assert found.draft is None
+    assert not any("drag may be missing" in note for note in found.notes)
     assert 1.0 < found.seconds < 600.0
     assert found.identified.folder == found.folder
 
