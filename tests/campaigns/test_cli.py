@@ -84,7 +84,7 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
 @pytest.mark.soak
 def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
     ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "flighttune", "campaign", str(file), "--runs", "40",
+    command = [sys.executable, "-m", "flighttune", "campaign", str(file), "--runs", "8",
                "--scheduler", address, "--out", str(tmp_path)]  # fmt: skip
     terminal = {"stderr": theirs, "env": {**os.environ, "COLUMNS": "120", "TERM": "xterm"}}
     seen = b""
@@ -96,7 +96,7 @@ def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address
         assert process.wait() == 0
     os.close(ours)
     assert b"flying" in seen
-    assert b"of 40 runs" in seen
+    assert b"of 8 runs" in seen
 
 
 @pytest.mark.soak
