@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from commands import answer
-from flown_campaigns import write_campaign
+from flown_campaigns import flown_here, write_campaign
 from fuzzing import marked
 from plans import item, plan_file, waypoint
 
@@ -149,12 +149,13 @@ def test_a_command_prints_the_answer_of_its_verb(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     call, arguments = VERBS[verb]
 
-    value = call()
-    printed = answer(
-        *verb.partition(" --")[0].split(),
-        *arguments,
-        status=value.answer().status if value.answer().failure else 0,
-    )
+    with flown_here():
+        value = call()
+        printed = answer(
+            *verb.partition(" --")[0].split(),
+            *arguments,
+            status=value.answer().status if value.answer().failure else 0,
+        )
 
     assert of_the_value(printed) == of_the_value(json.loads(value.answer().json()))
     assert value._repr_html_() == value.answer().html()

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from flown_campaigns import flown_here
 from made_up import made_up_run
 
 import flighttune as ft
@@ -154,7 +155,8 @@ def test_the_page_of_a_log_has_the_corridor_of_a_route_beside_its_errors(tmp_pat
     log, file = flight_beside_its_path(tmp_path), tmp_path / "band.npz"
     short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 400.0)]}
     few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
-    band = ft.band("circuit_in_wind", changes=short, out=file, **few)
+    with flown_here():
+        band = ft.band("circuit_in_wind", changes=short, out=file, **few)
 
     page = ft.report(log, tmp_path / "page.html", claims=[file])
 
@@ -175,5 +177,6 @@ def test_the_page_of_a_log_has_the_corridor_of_a_route_beside_its_errors(tmp_pat
         assert band.by_rtk[draw] == pytest.approx(largest, abs=GAINS_TUNED_AGAIN)
     assert f"Flown by RTK, 10 flights kept to {band.by_rtk[:, 0].max():.2g} m" in said
     assert np.array_equal(ft.load(file).by_rtk, band.by_rtk)
-    exact = ft.band("circuit_in_wind", changes=short, navigation="rtk", **few)
+    with flown_here():
+        exact = ft.band("circuit_in_wind", changes=short, navigation="rtk", **few)
     assert not len(exact.by_rtk)
