@@ -91,6 +91,9 @@ def test_three_deviations_of_the_estimates_bound_the_true_errors(of_paper):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "certified", ["of_paper", pytest.param("of_mission", marks=pytest.mark.counts)], indirect=True
+)
 def test_the_file_verifies_and_a_smaller_gain_is_refused_by_its_name(certified):
     tables = json.loads(json.dumps(tables_of(certified)))
     assert ft.verify(value_of(tables, ft.Certificate)).valid

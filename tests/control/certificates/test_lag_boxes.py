@@ -311,8 +311,19 @@ def least_on_a_grid(gains, box):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("box", LAGS)
-@pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
+@pytest.mark.parametrize(
+    ("gains", "box"),
+    [
+        (LARGEST_R_K, "twelve conditions"),
+        (FASTEST, "lag and delay"),
+        (FED_BACK, "climb and airspeed"),
+        *(
+            pytest.param(gains, box, marks=pytest.mark.counts)
+            for gains in (LARGEST_R_K, FASTEST, FED_BACK)
+            for box in LAGS
+        ),
+    ],
+)
 def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
     least = least_on_a_grid(gains, LAGS[box])
 

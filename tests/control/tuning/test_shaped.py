@@ -82,7 +82,7 @@ def oracle(parts, cost, start):
     "flown",
     [
         (),
-        pytest.param(("c172p", 50.0), marks=pytest.mark.slow),
+        pytest.param(("c172p", 50.0), marks=pytest.mark.counts),
         pytest.param(("a4", 200.0), marks=pytest.mark.slow),
     ],
 )
