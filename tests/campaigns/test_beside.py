@@ -324,9 +324,12 @@ def test_a_log_lies_between_the_flights_that_were_completed():
     assert cross == {"of": "cross track", "log": 2.0, "low": 1.0, "high": 3.0, "unit": "m"}
     assert (roll["of"], roll["low"], roll["high"]) == ("commanded roll", 10.0, 12.0)
     (said,) = beside.within_flights([cross, roll])
-    assert beside.within_flights([]) == []
-    assert "in cross track" in said
-    assert "outside of" in said
+    yours = "the flights with your guidance"
+    assert f"lies among {yours} in cross track and outside of them in commanded roll, by" in said
+    assert "the 95th percentile" in said
+    (said,) = beside.within_flights([roll])
+    assert f"lies outside of {yours} in commanded roll, by" in said
+    assert beside.within_flights([]) == beside.tracking_of([], rows) == []
 
 
 def test_a_signal_is_kept_below_what_it_exceeds_in_a_twentieth_of_the_time():
@@ -465,6 +468,15 @@ def test_signals_of_a_log_are_kept_with_the_parameters_that_differ_from_those_fl
     assert signals == pytest.approx([0.95 * 4.0, 0.95 * 2.0, 0.95 * 20.0], rel=0.01)
     assert nothing == []
     assert said == ["The log was flown with other parameters: NAVL1_PERIOD."]
+    # a log needs one of the signals
+    level = {"t_s": np.linspace(0.0, 2.0, 101), "phi_deg": 5.0, "n_z": 1.0, "V_a_mps": 20.0}
+    rolls, none = tmp_path / "rolls.csv", tmp_path / "none.csv"
+    pd.DataFrame(level | {"phi_cmd_deg": 30.0}).to_csv(rolls, index=False)
+    pd.DataFrame(level).to_csv(none, index=False)
+    kept, _ = beside.logged_signals(str(rolls), (), now, None)
+    assert kept == pytest.approx([math.nan, math.nan, 30.0], nan_ok=True)
+    with pytest.raises(ft.InputError, match="must have one of the signals cross_track, height_err"):
+        beside.logged_signals(str(none), (), now, None)
 
 
 @pytest.mark.soak
