@@ -60,6 +60,13 @@ def test_a_slope_is_no_longer_than_its_airspeed_takes_to_settle():
     assert table(place=long, at_m=8000.0).slope_m == pytest.approx(1200.0)
 
 
+def test_a_slope_may_become_steeper_and_begins_where_its_path_went_the_other_way():
+    path = zip((0.0, 300.0, 350.0, 500.0, 800.0), (0.0, -2.0, 0.1, 3.0, 6.0), strict=True)
+    places = [place(along, gamma, 100.0, 20.0, 10.0) for along, gamma in path]
+
+    assert table(place=places, at_m=800.0).slope_m == pytest.approx(500.0)
+
+
 @pytest.mark.parametrize(
     ("wind", "seconds"),
     [
@@ -106,6 +113,24 @@ def test_a_flight_follows_its_place_and_turns_to_its_side():
     assert faster == pytest.approx({"shape": "ramp", "duration_s": 2.0 / per_s, "rate_mps2": per_s})
 
 
+def test_a_flight_that_turns_left_and_descends_is_the_mirror_of_one_that_turns_right_and_climbs():
+    mirrored = [
+        {**x, "chi_deg": 400.0, "gamma_deg": -x["gamma_deg"], "rate_dps": -2.0} for x in PLACES
+    ]
+    stated = {"flight": {"V_a_mps": 20.0}}
+
+    right = table().followed(stated)
+    left = table(place=mirrored, side=1).followed(stated)
+
+    for a, b in zip(right["reference"]["chi_deg"], left["reference"]["chi_deg"], strict=True):
+        assert b == pytest.approx(a | {"rate_dps": -a["rate_dps"]})
+    (a,), (b,) = right["reference"]["gamma_deg"], left["reference"]["gamma_deg"]
+    assert b == pytest.approx(a | {"rate_dps": -a["rate_dps"]})
+    start = left["flight"]
+    assert start["chi_deg"] == pytest.approx(400.0 + 2.0 * (10.0 - 2.0) - 360.0)
+    assert 150.0 - start["h_m"] == pytest.approx(right["flight"]["h_m"] - 150.0)
+
+
 def test_a_flight_slows_down_or_keeps_its_airspeed_and_is_never_below_the_route():
     def followed(V_a, **changes):
         stated = {"flight": {"V_a_mps": V_a}, "reference": {"V_mps": V_a}}
@@ -129,6 +154,12 @@ def test_a_flight_from_level_flight_climbs_while_its_route_does():
     rise = (200.0 - 0.5 * 22.0 * 2.4) * math.sin(math.radians(6.0))
     assert tables["flight"]["h_m"] == pytest.approx(150.0 - rise)
     assert tables["flight"]["duration_s"] == pytest.approx(37.5 + 5.0)
+    # 10 m after the slope has begun, and 1 s, the path angle changes over 2.4 s all the same
+    tables = table(sloped_s=1.0, at_m=410.0).followed({"flight": {"V_a_mps": 20.1}})
+    sloped, _ = tables["reference"]["gamma_deg"]
+    assert sloped["start_s"] == pytest.approx(11.0 - 2.4)
+    rise = 0.5 * 20.1 * 2.4 * math.sin(math.radians(6.0))
+    assert tables["flight"]["h_m"] == pytest.approx(131.0 - rise)
 
 
 @pytest.mark.parametrize(
