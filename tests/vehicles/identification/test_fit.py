@@ -9,6 +9,8 @@ from scipy.signal import cont2discrete, dlsim, tf2ss
 import flighttune as ft
 from flighttune.vehicles.identification import fit
 from flighttune.vehicles.identification.fit import fitted_lag, lag_response
+from flighttune.vehicles.identification.identify import _of_one_order
+from flighttune.vehicles.plants.base import N_X_SIGNALS
 
 DT = 0.02
 T = np.arange(600) * DT
@@ -277,3 +279,104 @@ def test_the_percentage_explained_is_of_the_variance():
     assert fit.fit_percent(measured, measured + 0.5) == 75.0  # a quarter of a variance of 1
     assert fit.fit_percent(measured, 2.0 * measured) == pytest.approx(100.0 * (1.0 - 5.0))
     assert fit.fit_percent(np.ones(3), np.ones(3)) == -math.inf
+
+
+def test_one_order_of_lag_is_that_with_the_least_sum_of_the_criterion_over_conditions():
+    """Of roll the first order, which is not the best of the first condition; of lift the third."""
+    criteria = (
+        {"phi": (-10.0, -12.0, -11.0), "n_z": (3.0, 2.0, 1.0)},
+        {"phi": (-20.0, -15.0, -16.0), "n_z": (3.0, 1.0, 1.5)},
+    )
+    shapes = {order: ft.loop.InnerLag(order=order, natural_frequency=6.0) for order in (1, 2, 3)}
+    signals = {"frequency": None, "commanded": np.ones(3), "flown": np.ones(3)}
+    points = [
+        fit.Identification(trim=ft.loop.FlightCondition(V_a=speed), channels={
+            name: fit.ChannelIdentification(**signals, candidates=tuple(sorted(
+                (fit.LagCandidate(shapes[k], 0.1, bic) for k, bic in enumerate(values, 1)),
+                key=lambda candidate: candidate.bic,
+            )))
+            for name, values in channels.items()
+        })
+        for speed, channels in zip((20.0, 30.0), criteria, strict=True)
+    ]  # fmt: skip
+
+    chosen = _of_one_order(points)
+
+    orders = [
+        {name: [x.lag.order for x in channel.candidates] for name, channel in x.channels.items()}
+        for x in chosen
+    ]
+    assert orders == [{"phi": [1, 2, 3], "n_z": [3, 2, 1]}, {"phi": [1, 3, 2], "n_z": [3, 2, 1]}]
+    assert [x.trim.V_a for x in chosen] == [20.0, 30.0]
+    assert [x.channels["phi"].candidates[0].bic for x in chosen] == [-10.0, -20.0]
+
+
+class Thrusted:
+    """A plant that shows what it is told, with a longitudinal load factor of 0.05 at its trim."""
+
+    signals = ("chi", "gamma", "phi", "n_z", *N_X_SIGNALS)
+
+    def __init__(self, least=-0.1, most=0.2, upper=0.15, rate=1.0):
+        edges = {"lower": [-0.6, 0.0, -0.3], "upper": [0.6, 2.0, upper]}
+        self.limits = ft.loop.Limits(
+            **edges, rate_lower=[-2.0, -3.0, -rate], rate_upper=[2.0, 3.0, rate]
+        )
+        self.seen, self.commands = (0.7, 0.1, 0.3, 1.2, 0.05, least, most), []
+
+    def start(self, condition):
+        self.started = condition
+
+    def observe(self):
+        return self.seen
+
+    def advance(self, *command):
+        self.commands.append(command)
+        return "stop"
+
+
+@pytest.mark.parametrize(
+    ("plant", "peak", "rate"),
+    [
+        # 40 % of the room to the limit, to full throttle and to closed throttle
+        (Thrusted(), 0.4 * 0.10, 1.0),
+        (Thrusted(most=0.12), 0.4 * 0.07, 1.0),
+        (Thrusted(least=0.0), 0.4 * 0.05, 1.0),
+        (Thrusted(least=-9.0, most=9.0, upper=9.0), 0.4 * 0.35, 1.0),
+        # 2 per second without a limit
+        (Thrusted(rate=math.inf), 0.4 * 0.10, 2.0),
+        (Thrusted(rate=0.02), 0.4 * 0.10, 0.02),
+    ],
+)
+def test_thrust_changes_within_the_room_that_the_throttle_leaves(plant, peak, rate):
+    at = ft.loop.FlightCondition(V_a=25.0)
+
+    changes, (lines,), check = fit.thrust_changes(plant, at, seed=3)
+
+    assert plant.started is at
+    (signal,) = changes.T
+    fastest = np.abs(np.diff(signal, append=signal[0])).max() / 0.01
+    assert max(np.abs(signal).max() / peak, fastest / rate) == pytest.approx(1.0)
+    grid = np.geomspace(0.3, 20.0, 15) * 20.0 / math.tau
+    assert lines.tolist() == sorted({*np.round(grid).astype(int).tolist()})
+    assert check.shape == (1200, 1)
+    assert np.abs(np.diff(check[:, 0])).max() / 0.01 == pytest.approx(rate)
+    if rate >= 1.0:
+        assert np.abs(check).max() == pytest.approx(0.8 * peak)
+
+
+def test_thrust_without_room_is_no_excitation():
+    with pytest.raises(ft.loop.PlantError, match=r"at 25 m/s, got -0\.3 to 0\.05 about"):
+        fit.thrust_changes(Thrusted(upper=0.05), ft.loop.FlightCondition(V_a=25.0), seed=3)
+
+
+def test_changes_are_flown_about_the_commands_that_hold_the_path_and_the_airspeed():
+    plant, at = Thrusted(), ft.loop.FlightCondition(V_a=25.0, gamma=0.15)
+
+    turn = fit.fly_turn(plant, at, (0.2, -0.4))
+    thrust = fit.fly_thrust(plant, at, (0.03,))
+
+    level = math.cos(0.1) / math.cos(0.3)
+    assert turn == ((0.2, pytest.approx(level - 0.4)), (0.3, 1.2), "stop")
+    assert thrust == ((pytest.approx(math.sin(0.1) + 0.03),), (0.05,), "stop")
+    towards = math.cos(0.15) / math.cos(0.3) + 0.05
+    assert plant.commands == [(*turn[0], 0.01), (0.0, pytest.approx(towards), 0.01, *thrust[0])]
