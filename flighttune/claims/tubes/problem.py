@@ -274,7 +274,7 @@ class TubeProblem:
 
     @property
     def path_at_start(self) -> tuple[float, float]:
-        """Initial course and path angle over ground, rad; [flight] states them through the air."""
+        """Course and path angle at the start over ground, rad; the condition has those in air."""
         condition, wind = self.entry.condition, self.scenario.wind
         if wind is None:
             return condition.chi, condition.gamma

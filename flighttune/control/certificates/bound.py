@@ -156,7 +156,7 @@ def bound_rate(
     """A verified bound on R_K for gains on `model`; None if the proof takes too many boxes."""
     n, _, p = model.shape
     units = np.ones(n + p) if scaling is None else np.asarray(scaling)
-    if n != p or not np.array_equal(model.C * (units[:n] / units[n:, None]), np.eye(n)):
+    if not np.array_equal(model.C * (units[:n] / units[n:, None]), np.eye(n)):
         raise InputError(
             "`model` must have the errors as its states, in plain units, for a bound on R_K over "
             f"all gains, got the states {', '.join(model.states)}."

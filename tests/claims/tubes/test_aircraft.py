@@ -139,6 +139,7 @@ def known():
 
 PLANT = "jsbsim:aerosonde"
 TWICE = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
+NEAR = ft.PIGains(K_P=1.001 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 SCHEDULED = aircraft_scenario().as_dict()
 SCHEDULED["controller"]["schedule"] = True
 
@@ -147,6 +148,7 @@ SCHEDULED["controller"]["schedule"] = True
     ("scenario", "options", "words"),
     [
         (aircraft_scenario(), {"gains": TWICE}, r"`K_P`.*paper"),
+        (aircraft_scenario(), {"gains": NEAR}, r"`K_P`.*paper"),
         (aircraft_scenario(chi_err_deg=5.0), {}, r"`flight.chi_deg`.*4.0.*5.0"),
         (aircraft_scenario(), {"disturbance": 0.1}, "`disturbance` must not be given"),
         (aircraft_scenario(), {"band": None, "plant": PLANT}, "`boxes` must be given"),
@@ -157,6 +159,19 @@ SCHEDULED["controller"]["schedule"] = True
 def test_what_the_boxes_say_nothing_about_is_refused(known, scenario, options, words):
     with pytest.raises(ft.InputError, match=words):
         tube(scenario, **{"gains": ft.PAPER_GAINS, "band": known, **options})
+
+
+def test_the_path_over_ground_begins_as_stated_though_the_aircraft_points_into_the_wind():
+    """At 25 m/s through air that comes from 60 deg at 3 m/s."""
+    wind = {"wind": {"speed_mps": 3.0, "from_deg": 60.0}}
+    climb = ft.scenario_from(aircraft_scenario(gamma_deg=3.0, duration_s=0.1).as_dict() | wind)
+
+    problem = tubes.stated_problem(climb, ft.PAPER_GAINS, band=counted_boxes(climb))
+
+    assert problem.path_at_start == pytest.approx(np.deg2rad([4.0, 3.0]))
+    air = problem.entry.condition
+    crosswind = 3.0 * np.sin(np.deg2rad(60.0 - 4.0))
+    assert 25.0 * np.cos(air.gamma) * np.sin(air.chi - np.deg2rad(4.0)) == pytest.approx(crosswind)
 
 
 def test_boxes_are_of_the_aircraft_that_was_counted_with_the_files_it_has(known):

@@ -141,6 +141,20 @@ def test_a_changed_proof_is_refused(bound, change, reason):
     assert reason in verified.reason
 
 
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (lambda _: {"I_star": -20.0}, "`I_star` must be positive"),
+        (lambda _: {"R_bound": 0.0}, "`R_bound` must be positive"),
+        (lambda x: {"multipliers": x.multipliers[1:]}, "`multipliers`"),
+        (lambda x: {"boxes": x.boxes[:, :3]}, "`boxes`"),
+    ],
+)
+def test_numbers_that_no_bound_has_are_refused(bound, change, name):
+    with pytest.raises(ft.InputError, match=name):
+        replace(bound, **change(bound))
+
+
 def test_a_side_below_zero_proves_nothing_more(bound):
     boxes = bound.boxes.copy()
     boxes[boxes[:, 2] == 0.0, 2] = -9.0
@@ -152,20 +166,22 @@ def test_a_side_below_zero_proves_nothing_more(bound):
 
 @pytest.mark.parametrize(
     ("model", "I_star", "message"),
-    [(lagged(2.0, 2.0), 5.0, "errors as its states"), (MODEL, np.inf, "`I_star` must be finite")],
+    [
+        (lagged(2.0, 2.0), 5.0, "errors as its states"),
+        (replace(MODEL, C=2.0 * MODEL.C), 5.0, "errors as its states, in plain units"),
+        (MODEL, np.inf, "`I_star` must be finite"),
+    ],
 )
 def test_a_bound_that_cannot_be_stated_is_refused(model, I_star, message):
     with pytest.raises(ft.InputError, match=message):
         bound_rate(model, I_star)
 
 
-def test_the_margin_of_a_box_is_that_of_its_worst_corner():
+@pytest.mark.parametrize("seed", range(4))
+def test_the_margin_of_a_box_is_that_of_its_worst_corner(seed):
     """The inequalities of `RateBound` at all W and T whose entries are at their bounds."""
-    I_star, (R, R_high, sigma, sigma_high), rng = (
-        5.0,
-        (0.6, 0.7, 0.3, 0.4),
-        np.random.default_rng(0),
-    )
+    I_star, (R, R_high, sigma, sigma_high) = 5.0, (0.6, 0.7, 0.3, 0.4)
+    rng = np.random.default_rng(seed)
     w, share, eye = I_star * R_high**2 * sigma_high, sigma**2, np.eye(2)
     roots = [rng.normal(size=(n, n)) for n in (2, 2, 2, 4)]
     X = [root @ root.T + np.eye(len(root)) for root in roots]
