@@ -177,6 +177,12 @@ def test_a_bound_that_cannot_be_stated_is_refused(model, I_star, message):
         bound_rate(model, I_star)
 
 
+def test_states_are_plain_in_the_units_of_their_errors():
+    assert bound_rate(MODEL, 3.0, np.array([2.0, 3.0, 2.0, 3.0])).verify().valid
+    with pytest.raises(ft.InputError, match="in plain units"):
+        bound_rate(MODEL, 3.0, np.array([2.0, 1.0, 1.0, 1.0]))
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_margin_of_a_box_is_that_of_its_worst_corner(seed):
     """The inequalities of `RateBound` at all W and T whose entries are at their bounds."""
