@@ -119,11 +119,11 @@ def test_a_band_that_is_given_the_wind_is_narrower():
     wind = uniform("wind.speed_mps", 0.0, 8.0), uniform("wind.from_deg", 0.0, 360.0)
     plan = small_plan(*wind, plants=[AEROSONDE], wind=WIND)
 
-    blind, knowing = (count(plan, learn=30, predicted_from=wind) for wind in (None, "wind"))
+    blind, knowing = (count(plan, learn=20, predicted_from=wind) for wind in (None, "wind"))
 
     assert knowing.half_widths.max() < 0.5 * blind.half_widths.max()
     assert "around the middle that its wind predicts" in knowing.sentence
-    drawn = plan_of_band(knowing).values_of(30)
+    drawn = plan_of_band(knowing).values_of(20)
     speed, origin = drawn["wind.speed_mps"], np.deg2rad(drawn["wind.from_deg"])
     # air moves away from where it blows from
     blown = -speed * np.cos(origin), -speed * np.sin(origin)
@@ -164,11 +164,12 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     file = tmp_path / "band.npz"
     claim = "--epsilon", 0.3, "--confidence", 0.9, "--gains", "soft"
 
-    made = answer("band", campaign, *claim, "--learn", 10, "--workers", 1, "--out", file)
-    other = answer("band", file, "--epsilon", 0.5)
-    more = answer("band", file, "--flights", 58, "--workers", 1, "--out", tmp_path / "other.npz")
-    again = answer("verify", file, "--count", 5)
-    valid = answer("verify", file)
+    with flown_here():
+        made = answer("band", campaign, *claim, "--learn", 10, "--out", file)
+        other = answer("band", file, "--epsilon", 0.5)
+        more = answer("band", file, "--flights", 58, "--out", tmp_path / "other.npz")
+        again = answer("verify", file, "--count", 5)
+        valid = answer("verify", file)
 
     band = ft.load(file)
     assert (made["status"], made["flights"], made["outside"]) == ("claimed", WITH_FIVE, 5)
