@@ -39,7 +39,7 @@ LAW = '''
             return phi, n_z + cos(measured.gamma) / cos(measured.phi), self.sum[0]
 '''
 NEW = "--gains rectangles:paper"
-BOTH = 'paper_as_printed --set law=["paper","rectangles"] --set expect=[] --set flight.duration_s=8'
+BOTH = 'paper_as_printed --set law=["paper","rectangles"] --set expect=[] --set flight.duration_s=3'
 COMMANDS = {
     f"fly {BOTH} --out runs/both": 0,
     "verify runs/both": 0,
@@ -47,7 +47,7 @@ COMMANDS = {
     "compare paper_as_printed@paper paper_as_printed@rectangles:paper": 0,
     f"tune {BOTH}": 0,
     f"certify {BOTH} --gains rectangles:tuned --envelope": 0,
-    f"campaign kinematic_sweep {NEW} --runs 4 --out runs/many --workers 1": 0,
+    f"campaign kinematic_sweep {NEW} --runs 2 --out runs/many --workers 1": 0,
     "report runs/many": 0,
     f"tube paper_as_printed {NEW}": 2,
     f"export paper {NEW} --format c --out c": 2,

@@ -277,7 +277,7 @@ def test_too_few_flights_to_learn_weights_and_limits_from_are_refused_before_any
 
 @pytest.mark.soak
 def test_a_monitor_of_a_mission_with_another_aircraft_ends_its_flights_and_no_others(tmp_path):
-    file = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 300), waypoint(47.404, 8.5, 300))
+    file = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 300), waypoint(47.4015, 8.5, 300))
     ft.monitor(file, aircraft="x8", flights=7, out=tmp_path / "m.npz", **FEW)
     rates = tmp_path / "rates.toml"
     stated = '[ending]\nmonitor = "m.npz"\n[[fault]]\nkind = "engine"\nper_hour = 1e-3\n'

@@ -58,7 +58,8 @@ def test_errors_on_the_ground_do_not_count():
 
 
 @pytest.mark.soak
-def test_flights_of_a_standard_receiver_see_less_than_their_true_error():
+def test_flights_of_a_standard_receiver_see_less_than_their_true_error(monkeypatch):
+    monkeypatch.setattr(module, "FLIGHTS", 3)
     run = track(cross_track=3.0, height_err=0.5)
 
     rows = {(x.of, x.grade): x for x in tracking(run, "aerosonde", 25.0, 1000.0)}

@@ -317,7 +317,7 @@ BOX = [[47.397, 8.496], [47.397, 8.51], [47.407, 8.51], [47.407, 8.496]]
 def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(
     browser, tmp_path, monkeypatch
 ):
-    few = partial(mission.mission, epsilon=0.3, confidence=0.9)
+    few = partial(mission.mission, epsilon=0.5, confidence=0.9)
     monkeypatch.setattr(mission, "mission", few)
     route = [waypoint(47.4, 8.5, 60), waypoint(47.402, 8.5, 60), waypoint(47.402, 8.503, 70)]
     fence = {"polygons": [{"inclusion": True, "polygon": BOX}], "circles": []}

@@ -246,11 +246,11 @@ def test_a_piston_engine_that_is_started_turns_its_propeller_as_in_jsbsim():
 
 
 def test_a_start_that_fails_says_what_jsbsim_says():
-    steep = ft.loop.FlightCondition(V_a=120.0, gamma=1.2)
-    plant = ft.loop.JSBSimPlant("a4")
+    steep = ft.loop.FlightCondition(V_a=45.0, gamma=1.2)
+    plant = ft.loop.JSBSimPlant("aerosonde")
     with pytest.raises(TrimError) as by_jsbsim:
         plant.start(steep)
-    compiled = loop_aircraft.CompiledAircraft(ft.loop.JSBSimPlant("a4"))
+    compiled = loop_aircraft.CompiledAircraft(ft.loop.JSBSimPlant("aerosonde"))
     compiled.compiles = True
 
     with pytest.raises(TrimError) as said:
