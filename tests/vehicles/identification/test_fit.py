@@ -80,6 +80,8 @@ def test_a_channel_that_was_not_commanded_shows_no_lag():
     lag, share = fitted_lag(T, still, still)
 
     assert math.isnan(share)
+    assert (lag.order, lag.natural_frequency) == (1, 10.0)  # which nothing uses
+    assert fitted_lag(T, still, still, lag=ROLL)[0] is ROLL
     assert math.isnan(fitted_lag(T, still, still, lag=lag)[1])
 
 
@@ -270,6 +272,26 @@ def test_a_lag_is_that_of_its_parameters(order):
     assert fit.parameters(again) == pytest.approx(logs)
     assert again.order == order
     assert fit.with_parameters(found * [1.0, -1.0, 1.0, 1.0][: order + 1], order).delay == 0.0
+
+
+@pytest.mark.parametrize(("other", "cross"), [(None, None), ([0.1j, -0.3, 0.2], 0.3)])
+def test_the_channel_of_a_file_has_the_chosen_lag_and_the_best_that_is_simpler(other, cross):
+    """From a command of 0.5 on, at which the channel is at rest at 0.3."""
+    third = ft.loop.InnerLag(order=3, natural_frequency=6.0, damping=0.4, lag=0.15)
+    commanded = 0.5 + commands() - commands()[0]
+    channel = fit.ChannelIdentification(
+        frequency=fit.FrequencyResponse(np.ones(3), np.ones(3), other and np.array(other)),
+        candidates=tuple(fit.LagCandidate(lag, 0.02, 0.0) for lag in (third, ROLL, LIFT)),
+        commanded=commanded,
+        flown=0.3 + lag_response(third, fit.DT, commanded, 0.5) - 0.5,
+    )
+
+    table = channel.table
+
+    assert channel.fit == pytest.approx(channel.flown, abs=1e-12)
+    assert (table.lag, table.simpler.lag) == (third, ROLL)
+    assert (table.fit_percent, table.residual) == pytest.approx((100.0, 0.02))
+    assert table.cross == cross
 
 
 def test_the_percentage_explained_is_of_the_variance():
