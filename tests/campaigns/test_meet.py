@@ -261,7 +261,7 @@ def test_slopes_meet_requirements_in_few_flights():
         at_most(MO_deg=1.0, settling_s=4.5), at_most("gamma", MO_deg=1.0), plant=aircraft
     )
 
-    values, gains, trials = searched(tight, start="tuned_identified", budget=60)
+    values, gains, trials = searched(tight, start="tuned_identified", budget=40)
 
     assert next(i for i, trial in enumerate(trials) if trial.met) < 40
     assert (values["status"], values["start_met"]) == ("met", False)
