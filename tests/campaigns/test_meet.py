@@ -122,13 +122,13 @@ def test_requirements_on_the_airspeed_are_met_as_fly_measures_it():
 def test_gains_that_meet_all_are_not_replaced_by_some_that_meet_it_by_less(overshoot):
     loose = scenario(at_most(MO_deg=25.0), at_most("gamma", MO_deg=25.0))
 
-    values, gains, _ = searched(loose, start="tuned_identified", budget=61)
+    values, gains, _ = searched(loose, start="tuned_identified", budget=31)
 
     both = models.gain_set(loose, "tuned_identified"), gains
     before, after = (flown(loose, x).metrics["MO_rad"].max() for x in both)
     assert values["start_met"] is True
     assert after <= before
-    assert values["flights"] <= 61
+    assert values["flights"] <= 31
 
 
 class Stopping(ft.CampaignObserver):
@@ -672,7 +672,7 @@ def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps
 def test_a_start_that_meets_all_keeps_half_its_R_K_unless_a_bound_says_how_much(bound, kept):
     of = scenario({"at_most": {"chi": {"MO_deg": 30.0}}, "at_least": bound})
 
-    meeting = ft.meet(of, start="tuned_identified", budget=60, workers=1)
+    meeting = ft.meet(of, start="tuned_identified", budget=40, workers=1)
 
     now, before = (
         models.loop_measures(entry_of(of, "tuned_identified", gains), ["R_K"])["R_K"]
