@@ -69,7 +69,7 @@ def turned_back(plan, bank=BANK):
 
 @pytest.fixture(scope="module")
 def turning():
-    return turned_back(ft.flights("circuit").plan(plant="kinematic"))
+    return turned_back(ft.flights("circuit").plan(plant="kinematic", gains="paper"))
 
 
 def flown(turning, **values):
@@ -146,7 +146,9 @@ def test_a_flight_turns_and_climbs_as_its_route_does_until_it_turns_back(turning
 
 
 def test_a_circle_turns_once(turning):
-    circling = turned_back(ft.flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
+    circling = turned_back(
+        ft.flights("circuit").plan(plant="kinematic", gains="paper"), f"circle:{BANK}"
+    )
     run, _ = flown(circling, at_m=200.0)
 
     assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(360.0, abs=1.0)
@@ -158,7 +160,9 @@ def test_a_flight_from_level_flight_is_on_the_slope_as_long_as_on_its_route(at_m
     corners = [(0.0, 0.0), (300.0, 0.0), (1300.0, 70.0 * sign)]
     waypoints = [{"north_m": n, "east_m": 0.0, "up_m": up} for n, up in corners]
     changes = {"route.waypoint": waypoints, "flight.h_m": 1100.0}
-    plan = turned_back(ft.flights("circuit", changes=changes).plan(plant="kinematic"))
+    plan = turned_back(
+        ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
+    )
     steady, run = flown(plan, at_m=at_m), flown(plan, at_m=at_m, sloped_s=(at_m - 300.0) / SPEED)
     rooms, (run, table) = [counted_flights.room_of(*steady), counted_flights.room_of(*run)], run
 
@@ -182,7 +186,9 @@ def test_a_flight_from_level_flight_is_on_the_slope_as_long_as_on_its_route(at_m
 def test_only_flights_of_a_route_with_slopes_may_begin_level():
     def start(up):
         legs = [{"north_m": n, "east_m": 0.0, "up_m": up * n} for n in (0.0, 800.0)]
-        plan = ft.flights("circuit", changes={"route.waypoint": legs}).plan(plant="kinematic")
+        plan = ft.flights("circuit", changes={"route.waypoint": legs}).plan(
+            plant="kinematic", gains="paper"
+        )
         return turned_back(plan).as_dict()["nominal"]["turn_back"].get("or_level")
 
     assert [start(0.0), start(0.02)] == [None, True]
@@ -285,7 +291,7 @@ def test_what_cannot_turn_back_is_refused_in_one_line(source, turn_back, says):
 @pytest.mark.parametrize(("low", "high"), [(45.0, 50.0), (50.0, 45.0)])
 def test_the_side_that_allows_less_bank_and_roll_rate_holds(low, high):
     changes = {"limits.phi_deg": [-low, high], "limits.phi_rate_dps": [-low, high]}
-    plan = ft.flights("circuit", changes=changes).plan(plant="kinematic")
+    plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
 
     assert turned_back(plan, 40.0).scenario.turn_back.roll_rate_dps == pytest.approx(45.0)
     with pytest.raises(ft.InputError, match="a bank of 1 to 45 deg, got 47"):
