@@ -30,7 +30,8 @@ SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 LONG = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in ((0, 0), (500, 0), (700, 300))]}
 LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 120.0)]
-FOUR = {"flights": 4, "workers": 1, "changes": {"route.waypoint": LEG}}
+PAPER = {"gains": ["paper"], "law": ["paper"]}  # which need no search
+FOUR = {"flights": 4, "workers": 1, "changes": {"route.waypoint": LEG, **PAPER}}
 
 
 @pytest.fixture(scope="module")
