@@ -13,8 +13,8 @@ from scipy.stats import binomtest
 
 import flighttune as ft
 from flighttune.claims.counted_flights import check_one_path, plan_of
+from flighttune.routes import fence as fences
 from flighttune.routes import maps
-from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.routes.path import Ability, Waypoint, plan
 
 ORIGIN = (47.0, 8.0)
@@ -77,18 +77,20 @@ def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
     heights = {"min_up_m": -20.0, "max_up_m": 50.0}
     file = fence_file(tmp_path / "f.geojson", BOX, SQUARE, needle, **heights)
     windows = np.array([0.0, 200.0, 400.0, 800.0])
-    room = room_along(read_fence(file, ORIGIN), leg, windows, widest=50.0, overlap=0.0)
+    room = fences.room_along(
+        fences.read_fence(file, ORIGIN), leg, windows, widest=50.0, overlap=0.0
+    )
 
     # left, right; up to the ceiling where the window is highest, down to the floor where lowest
     expected = [[30, 27, 46, 20], [30, 25, 42, 24], [30, 40, 34, 28]]
-    assert room.limits.reshape(3, 4) == pytest.approx(np.array(expected), abs=SCAN_STEP)
+    assert room.limits.reshape(3, 4) == pytest.approx(np.array(expected), abs=fences.SCAN_STEP)
     nearest = room.nearest(np.array([[10.0, 21.0], [5.0, 5.0]]))
     assert nearest["edge"] in ("edge 1 of zone 1", "edge 2 of zone 1")  # at the corner
     assert nearest == {
-        "margin_m": pytest.approx(4.0, abs=SCAN_STEP),
+        "margin_m": pytest.approx(4.0, abs=fences.SCAN_STEP),
         "side": "right",
         "edge": nearest["edge"],
-        "along_m": pytest.approx(305.0, abs=5.0 + SCAN_STEP),
+        "along_m": pytest.approx(305.0, abs=5.0 + fences.SCAN_STEP),
         "stretch": "leg to waypoint 2",
     }
 
@@ -101,11 +103,11 @@ def test_the_sag_of_edges_and_the_overlap_of_windows_take_room(
 ):
     """The edge is at 40 m to the right, the zone up to 310 m along at 25 m."""
     leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
-    fence = read_fence(fence_file(tmp_path / "f.geojson", BOX, SQUARE), ORIGIN)
+    fence = fences.read_fence(fence_file(tmp_path / "f.geojson", BOX, SQUARE), ORIGIN)
     sagging = replace(fence, sag=fence.sag + sag)
-    room = room_along(sagging, leg, np.array([first, 500.0]), widest=50.0, overlap=overlap)
+    room = fences.room_along(sagging, leg, np.array([first, 500.0]), widest=50.0, overlap=overlap)
 
-    assert room.limits[0, 0, 1] == pytest.approx(right, abs=SCAN_STEP)
+    assert room.limits[0, 0, 1] == pytest.approx(right, abs=fences.SCAN_STEP)
 
 
 @pytest.mark.parametrize("turns", [1.0, -1.0])
@@ -113,17 +115,17 @@ def test_a_needle_between_the_lines_that_a_turn_spreads_is_met(tmp_path, turns):
     """Lines across a circle of 200 m, `SCAN_STEP` apart on it, are 3.5 times as far apart there."""
     circles = Waypoint(north=0.0, east=0.0, turns=turns, radius=200.0)
     path = plan([Waypoint(north=-600.0, east=0.0), circles], ABILITY)
-    north, east, _, _ = path.at(SCAN_STEP * np.arange(path.length / SCAN_STEP))
+    north, east, _, _ = path.at(fences.SCAN_STEP * np.arange(path.length / fences.SCAN_STEP))
     top = int(north.argmax())
     between = np.array([north[top : top + 2].mean(), east[top : top + 2].mean()])
     out = between / np.hypot(*between)
     aside = 0.001 * np.array([-out[1], out[0]])
     needle = tuple(map(tuple, (700.0 * out, 750.0 * out + aside, 750.0 * out - aside)))
     box = ((-900.0, -900.0), (-900.0, 900.0), (900.0, 900.0), (900.0, -900.0))
-    fence = read_fence(fence_file(tmp_path / "f.geojson", box, needle), ORIGIN)
-    room = room_along(fence, path, np.array([0.0, path.length]), widest=600.0, overlap=0.0)
+    fence = fences.read_fence(fence_file(tmp_path / "f.geojson", box, needle), ORIGIN)
+    room = fences.room_along(fence, path, np.array([0.0, path.length]), widest=600.0, overlap=0.0)
 
-    assert room.limits[0, 0].min() == pytest.approx(500.0, abs=5.0 * SCAN_STEP)
+    assert room.limits[0, 0].min() == pytest.approx(500.0, abs=5.0 * fences.SCAN_STEP)
 
 
 @pytest.mark.slow
@@ -170,7 +172,7 @@ def test_plans_before_2018_have_one_polygon_to_stay_in(tmp_path):
     fence = {"version": 1, "polygon": degrees(*BOX), "parameters": []}
     old.write_text(json.dumps({"mission": {}, "geoFence": fence}))
 
-    assert fence_tables([old]) == fence_tables([new])
+    assert fences.fence_tables([old]) == fences.fence_tables([new])
 
 
 def test_a_file_that_is_asked_for_its_fence_has_one(tmp_path, box):
@@ -187,22 +189,22 @@ def test_an_empty_value_of_another_kind_is_not_taken_for_a_plan_without_a_fence(
     path.write_text(json.dumps({"mission": {}, "geoFence": fence}))
 
     with pytest.raises(ft.InputError, match=r"must be (an object|a list), got "):
-        fence_tables([path])
+        fences.fence_tables([path])
 
 
 def limits_of(*files):
     """Room to the left and right of a leg of 800 m to the north, in three windows, m."""
     leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
-    fence = read_fence(files[0], ORIGIN, fence_tables(files))
+    fence = fences.read_fence(files[0], ORIGIN, fences.fence_tables(files))
     windows = np.array([0.0, 200.0, 400.0, 800.0])
-    return room_along(fence, leg, windows, widest=50.0, overlap=0.0).limits[:, 0]
+    return fences.room_along(fence, leg, windows, widest=50.0, overlap=0.0).limits[:, 0]
 
 
 def test_the_fence_of_a_plan_is_to_stay_in_some_areas_and_out_of_others(tmp_path):
     file = plan_with(tmp_path / "m.plan", polygons=[(True, BOX), (False, SQUARE)])
 
     expected = np.array([[30, 40], [30, 25], [30, 40]])
-    assert limits_of(file) == pytest.approx(expected, abs=SCAN_STEP)
+    assert limits_of(file) == pytest.approx(expected, abs=fences.SCAN_STEP)
 
 
 def test_circles_of_a_plan_are_on_the_safe_side_by_a_thousandth_of_their_radius(tmp_path):
@@ -214,6 +216,22 @@ def test_circles_of_a_plan_are_on_the_safe_side_by_a_thousandth_of_their_radius(
     assert 20.0 - 0.2 <= left <= 20.0
     for side in (right, at_the_end):
         assert chord - 2.5 <= side <= chord
+
+
+@pytest.mark.parametrize("outside", [True, False])
+def test_a_ring_is_a_circle_where_all_its_corners_are_those_of_one(outside):
+    corners = fences._circle((47.4, 8.5), 120.0, outside=outside)
+    ring = [[lon, lat, 30.0] for lon, lat in [*corners, corners[0]]]
+
+    centre, radius = fences.circle_of(ring, outside=outside)
+
+    assert centre == pytest.approx((47.4, 8.5), abs=1e-7)
+    assert radius == pytest.approx(120.0, abs=2e-3)
+    outwards = [list(corner) for corner in ring]
+    outwards[len(corners) // 4][0] += 1e-4  # of longitude: 7.5 m
+    assert fences.circle_of(outwards, outside=outside) is None
+    assert fences.circle_of(ring[1:], outside=outside) is None
+    assert fences.circle_of([ring[0]] * len(ring), outside=outside) is None
 
 
 def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
@@ -230,14 +248,14 @@ def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
     other = fence_file(tmp_path / "o.geojson", narrow)
 
     expected = np.array([[20, 40], [20, 25], [20, 40]])
-    assert limits_of(kml, zone, other) == pytest.approx(expected, abs=SCAN_STEP)
+    assert limits_of(kml, zone, other) == pytest.approx(expected, abs=fences.SCAN_STEP)
 
 
 def test_the_highest_of_several_floors_and_the_lowest_ceiling_hold(tmp_path):
     deep = fence_file(tmp_path / "a.geojson", BOX, min_up_m=-20.0, max_up_m=60.0)
     high = fence_file(tmp_path / "b.geojson", BOX, min_up_m=-5.0, max_up_m=100.0)
     for files in ((deep, high), (high, deep)):
-        fence = read_fence(deep, ORIGIN, fence_tables(files))
+        fence = fences.read_fence(deep, ORIGIN, fences.fence_tables(files))
         assert (fence.low, fence.high) == (-5.0, 60.0)
 
 
@@ -257,7 +275,7 @@ def test_a_plan_whose_fence_cannot_hold_is_refused(tmp_path, polygons, circles, 
     file = plan_with(tmp_path / "m.plan", polygons, circles)
 
     with pytest.raises(ft.InputError, match=says) as refusal:
-        read_fence(file, ORIGIN)
+        fences.read_fence(file, ORIGIN)
     assert str(refusal.value).startswith(str(file))
 
 
@@ -271,7 +289,7 @@ def test_px4_stays_inside_at_least_one_area_and_ardupilot_inside_all(tmp_path, o
         tables = {"mission": {"firmwareType": firmware}, "geoFence": {"polygons": areas}}
         file = tmp_path / "m.plan"
         file.write_text(json.dumps(tables))
-        return read_fence(file, origin)
+        return fences.read_fence(file, origin)
 
     (ring,) = fence(12, BOX, ahead).rings
     assert ring.max(axis=0) == pytest.approx(np.max(ahead, axis=0), abs=0.01)
@@ -296,16 +314,16 @@ def test_long_edges_that_cross_in_their_middle_are_refused(tmp_path):
     file.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
 
     with pytest.raises(ft.InputError, match="edge 1 and edge 3"):
-        read_fence(file, (47.4, 8.51))
+        fences.read_fence(file, (47.4, 8.51))
 
 
 @pytest.mark.parametrize("lon", [179.995, -179.995])
 def test_a_fence_over_the_date_line_is_around_what_is_inside_of_it(tmp_path, lon):
     box = fence_file(tmp_path / "f.geojson", BOX, origin=(-17.0, lon))
 
-    assert np.abs(read_fence(box, (-17.0, lon)).start).max() == pytest.approx(900.0, abs=0.1)
+    assert np.abs(fences.read_fence(box, (-17.0, lon)).start).max() == pytest.approx(900.0, abs=0.1)
     with pytest.raises(ft.InputError, match="the start must be inside"):
-        read_fence(box, (-17.0, lon - 0.01))
+        fences.read_fence(box, (-17.0, lon - 0.01))
 
 
 def test_a_long_edge_follows_its_parallel(tmp_path):
@@ -313,7 +331,7 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
     corners = [[8.2, 59.9], [8.2, 60.1], [7.8, 60.1], [7.8, 59.9]]
     file = tmp_path / "f.geojson"
     file.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
-    fence = read_fence(file, (60.0, 8.0))
+    fence = fences.read_fence(file, (60.0, 8.0))
     edge = [name == "edge 2" for name in fence.names[:-2]]
     start, end = fence.start[edge], fence.end[edge]
     along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
@@ -340,7 +358,7 @@ def test_an_edge_that_nearly_touches_a_path_is_on_its_own_side(tmp_path, east, s
     far = -90.0 if east > 0.0 else 90.0
     box = (-50, east), (900, east), (900, far), (-50, far)
 
-    nearest = read_fence(fence_file(tmp_path / "box.geojson", box), ORIGIN).nearest(leg)
+    nearest = fences.read_fence(fence_file(tmp_path / "box.geojson", box), ORIGIN).nearest(leg)
 
     assert nearest["side"] == side
     assert nearest["margin_m"] == pytest.approx(0.05, abs=0.01)
@@ -352,7 +370,7 @@ def test_the_nearest_edge_is_named_by_its_zone_whatever_zones_come_before(tmp_pa
     for i, zones in enumerate(([SQUARE], [triangle, SQUARE], [triangle, triangle[::-1], SQUARE])):
         apart = [[(n + 150 * k, e) for n, e in zone] for k, zone in enumerate(zones[:-1])]
         rings = [box, *apart, zones[-1]]
-        fence = read_fence(fence_file(tmp_path / f"{i}.geojson", *rings), ORIGIN)
+        fence = fences.read_fence(fence_file(tmp_path / f"{i}.geojson", *rings), ORIGIN)
         nearest = fence.nearest(leg)
         named = (nearest["edge"], nearest["side"])
         assert named == (f"edge 1 of zone {len(zones)}", "right")
@@ -369,7 +387,7 @@ def test_the_margin_of_a_path_is_the_distance_that_shapely_finds(tmp_path):
     }
     points = shapely.points(np.column_stack([path.north, path.east])[path.s <= path.length])
     for name, rings in areas.items():
-        fence = read_fence(fence_file(tmp_path / f"{name}.geojson", *rings), ORIGIN)
+        fence = fences.read_fence(fence_file(tmp_path / f"{name}.geojson", *rings), ORIGIN)
         area = shapely.Polygon(rings[0], rings[1:])
         signed = np.where(area.contains(points), 1.0, -1.0) * area.boundary.distance(points)
         nearest = fence.nearest(path)
@@ -424,7 +442,7 @@ def test_fences_of_mission_planner_are_read_in_both_forms(tmp_path):
         tmp_path / "m.plan", [(True, BOX), (False, SQUARE)], [(False, centre[0], 60.0)]
     )
 
-    assert limits_of(file) == pytest.approx(limits_of(same), abs=SCAN_STEP)
+    assert limits_of(file) == pytest.approx(limits_of(same), abs=fences.SCAN_STEP)
     whole = planner_fence(tmp_path / "c.txt", (5003, 450, [(400.0, 0.0)]))
     assert limits_of(whole) == pytest.approx(
         limits_of(plan_with(tmp_path / "c.plan", circles=[(True, (400.0, 0.0), 450.0)]))
@@ -432,28 +450,28 @@ def test_fences_of_mission_planner_are_read_in_both_forms(tmp_path):
     lines = "\n".join(f"{lat:.9f} {lon:.9f}" for lat, lon in degrees((0.0, 0.0), *BOX, BOX[0]))
     old = tmp_path / "old.fen"
     old.write_text(f"# saved by Mission Planner\n{lines}\n")
-    assert limits_of(old) == pytest.approx(np.array([[30, 40]] * 3), abs=SCAN_STEP)
+    assert limits_of(old) == pytest.approx(np.array([[30, 40]] * 3), abs=fences.SCAN_STEP)
     # MAVProxy writes no home.
     homeless = tmp_path / "h.waypoints"
     homeless.write_text(file.read_text().replace(MISSION_PLANNER.splitlines()[1], ""))
-    assert fence_tables([homeless]) == fence_tables([file])
+    assert fences.fence_tables([homeless]) == fences.fence_tables([file])
     homeless.write_text(whole.read_text().replace(MISSION_PLANNER.splitlines()[1], ""))
-    assert fence_tables([homeless]) == fence_tables([whole])
+    assert fences.fence_tables([homeless]) == fences.fence_tables([whole])
     short = planner_fence(tmp_path / "s.waypoints", (5001, 5, BOX))
     with pytest.raises(ft.InputError, match="its 5 corners, got 4"):
-        fence_tables([short])
+        fences.fence_tables([short])
     with pytest.raises(ft.InputError, match=r"must be a plan, .*\.xml"):
-        fence_tables([tmp_path / "f.xml"])
+        fences.fence_tables([tmp_path / "f.xml"])
 
 
 def test_every_place_within_the_limits_is_inside(tmp_path):
     path = bent_path()
     outer = ((-400, -80), (640, -60), (780, 520), (150, 800), (-420, 200), (100, 430), (200, 150))
     zone = ((500, 150), (560, 250), (450, 350))
-    fence = read_fence(fence_file(tmp_path / "f.geojson", outer, zone), ORIGIN)
+    fence = fences.read_fence(fence_file(tmp_path / "f.geojson", outer, zone), ORIGIN)
     area = shapely.Polygon(outer, [zone])
     windows = np.linspace(0.0, path.length, 41)
-    room = room_along(fence, path, windows, widest=300.0, overlap=0.0)
+    room = fences.room_along(fence, path, windows, widest=300.0, overlap=0.0)
 
     assert np.isfinite(room.limits[:, 0]).all()
     s = np.linspace(0.0, path.length, 20_001)[:-1]
@@ -476,10 +494,10 @@ def test_flights_are_counted_of_which_it_is_certain(band, box):
     assert counted.epsilon == pytest.approx(bound, rel=1e-9)
     assert counted.supported == (bound <= 0.25)
     of_flights, of_band = counted.nearest
-    assert of_flights["margin_m"] == pytest.approx(40.0 - 45.0, abs=SCAN_STEP)
+    assert of_flights["margin_m"] == pytest.approx(40.0 - 45.0, abs=fences.SCAN_STEP)
     assert (of_flights["side"], of_flights["edge"]) == ("right", "edge 2")
-    assert 400.0 - 1.0 - SCAN_STEP <= of_flights["along_m"] <= 500.0
-    assert of_band["margin_m"] == pytest.approx(30.0 - band.scale, abs=SCAN_STEP)
+    assert 400.0 - 1.0 - fences.SCAN_STEP <= of_flights["along_m"] <= 500.0
+    assert of_band["margin_m"] == pytest.approx(30.0 - band.scale, abs=fences.SCAN_STEP)
 
 
 def test_a_sure_no_supports_no_epsilon(band, box):
@@ -587,7 +605,7 @@ def test_properties_of_other_programs_say_nothing_about_a_fence(tmp_path):
     style = {"fill": "#f00", "fill-opacity": 0.5, "stroke": "#0f0", "stroke-width": 2, "title": "a"}
     file = fence_file(tmp_path / "f.geojson", BOX, fid=7, OBJECTID=8, Name="x", **style)
 
-    assert len(read_fence(file, ORIGIN).start) == len(BOX)
+    assert len(fences.read_fence(file, ORIGIN).start) == len(BOX)
 
 
 @pytest.mark.parametrize(
@@ -610,7 +628,7 @@ def test_what_is_no_fence_is_refused_in_one_line(tmp_path, rings, properties, sa
     file = fence_file(tmp_path / "f.geojson", *rings, **properties)
 
     with pytest.raises(ft.InputError, match=says) as refusal:
-        read_fence(file, ORIGIN)
+        fences.read_fence(file, ORIGIN)
     assert str(refusal.value).startswith(str(file))
     assert "\n" not in str(refusal.value)
 
@@ -621,7 +639,7 @@ def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
     line.write_text('{"type": "LineString", "coordinates": [[8, 47], [8, 48]]}')
 
     with pytest.raises(ft.InputError, match="a Polygon for a fence"):
-        read_fence(line, ORIGIN)
+        fences.read_fence(line, ORIGIN)
     assert "`route` must be" in flighttune("mission", "mission", "--fence", box, status=2)[1]
     about = replace(
         band.about,
