@@ -175,7 +175,7 @@ def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch)
     file = mission(
         tmp_path / "m.plan", [[47.39, 8.49], [47.39, 8.51], [47.42, 8.51], [47.42, 8.49]]
     )
-    band = ft.mission(file, epsilon=0.1, flights=80, workers=1).band
+    band = ft.mission(file, epsilon=0.1, flights=80, workers=1, changes=PAPER).band
     (fence,) = band.about.fences
 
     def margin(i):
@@ -196,7 +196,7 @@ def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
     """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
     made_up_flights(monkeypatch, None)
     file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    band = ft.mission(file, epsilon=0.05, flights=126, workers=1).band
+    band = ft.mission(file, epsilon=0.05, flights=126, workers=1, changes=PAPER).band
     first = {name: getattr(band, name)[:78] for name in ("extremes", "wind", "navigation")}
     band = replace(band, about=replace(band.about, early=78), **first)
     early = band.inside(band.about.fences[0])

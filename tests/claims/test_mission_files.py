@@ -13,6 +13,7 @@ from flighttune.claims import hourly_flights, leaving
 from flighttune.claims.mission import kept_mission
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 12, "workers": 1}
+FEW |= {"changes": {"gains": ["paper"], "law": ["paper"]}}  # which need no search
 WRITTEN = {"m.npz", "m-turn-back.npz", "m.geojson", "m.kml", "m-per-hour.json"}
 RATES = """
 flights = 8
