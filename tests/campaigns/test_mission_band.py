@@ -20,6 +20,7 @@ FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
 
 # Gains of flights that are made up: others are tuned at each airspeed.
 PAPER = {"gains": ["paper"], "law": ["paper"]}
+AT_ONCE = (*FEW, "--set", 'gains=["paper"]', "--set", 'law=["paper"]')
 
 
 @pytest.fixture
@@ -73,7 +74,7 @@ def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
     """The fence ends 226 m to the east of the start; the leg to item 4 goes to 452 m."""
     near = [[47.39, 8.49], [47.39, 8.503], [47.42, 8.503], [47.42, 8.49]]
     file = mission(tmp_path / "m.plan", near)
-    out, failure = flighttune("mission", file, *FEW, "--out", tmp_path / "m.npz", status=1)
+    out, failure = flighttune("mission", file, *AT_ONCE, "--out", tmp_path / "m.npz", status=1)
     said = " ".join(out.split())
 
     assert said.startswith("No: the planned path leaves the fence on the leg to item 4")
@@ -120,7 +121,7 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
         # With it the mission is read, and refused for its fence alone.
         (delayed, ("--set", "route.skip=true", "--fence", far), "the start must be inside"),
     ):
-        assert words in flighttune("mission", source, *FEW, *options, status=2)[1]
+        assert words in flighttune("mission", source, *AT_ONCE, *options, status=2)[1]
     assert "counted with `flighttune mission`" in flighttune("band", file, status=2)[1]
 
 
