@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.campaigns.statistics import intervals
@@ -32,6 +33,29 @@ def test_intervals_of_a_share_are_those_of_scipy(method, confidence):
         expected = stats.binomtest(successes, trials).proportion_ci(confidence, method=method)
         assert lo[i] == pytest.approx(expected.low, abs=ROUNDING)
         assert hi[i] == pytest.approx(expected.high, abs=ROUNDING)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(38, 40), (3, 9), (50, 50)])
+def test_an_interval_at_any_time_ends_where_the_evidence_against_it_is_40(successes, trials):
+    """At 95 %, of mean likelihood ratios over the chances of a failure below and above the end."""
+    failures = trials - successes
+
+    def mean_ratio(end, low, high):
+        def ratio(q):
+            return (q / end) ** failures * ((1.0 - q) / (1.0 - end)) ** successes
+
+        return quad(ratio, low, high, epsabs=0.0, epsrel=1e-9)[0] / (high - low)
+
+    lo, hi = intervals.rate_interval(successes, trials, method="any-time")
+
+    most, least = 1.0 - float(lo), 1.0 - float(hi)
+    never = (1.0 - most) ** -trials if failures == 0 else 0.0
+    assert 0.5 * (never + mean_ratio(most, 0.0, most)) == pytest.approx(40.0, rel=1e-5)
+    if failures:
+        above = mean_ratio(least, least, min(1.0, 20.0 * least))
+        assert above == pytest.approx(40.0, rel=1e-5)
+    else:
+        assert least == 0.0
 
 
 @pytest.mark.soak
