@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geographiclib.geodesic import Geodesic
+from made_up import made_up_scenario
+from made_up_band import count_of, plan_of_paper, scores_of
 from made_up_missions import AREA, made_up_flights, mission
 
 import flighttune as ft
 from flighttune.claims import hourly_flights, leaving
+from flighttune.claims.band import RecordedSignals
 from flighttune.claims.mission import kept_mission
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 12, "workers": 1}
@@ -100,6 +103,13 @@ def test_volumes_of_somebody_else_stay_beside_a_new_count(place):
     assert names(place) == {"m.npz", "m.kml"}
 
 
+def test_a_band_that_is_written_over_none_leaves_volumes_beside_it(place):
+    (place / "m.npz").unlink()
+    ft.mission(place / "m.plan", out=place / "m.npz", seed=3, **FEW)
+
+    assert names(place) == WRITTEN - {"m-per-hour.json"}
+
+
 @pytest.mark.parametrize("name", ["m.npz", "other.npz"])
 def test_a_band_that_is_written_over_another_leaves_none_of_it(place, name):
     """Beside its own file all stays."""
@@ -149,6 +159,8 @@ def test_a_band_is_shown_with_what_stands_beside_it(place):
     (place / "m-turn-back.npz").unlink()
     alone = kept_mission(band, file)
     assert (alone.room, {*alone.files}) == (None, {"band"})
+    shutil.copy(file, place / "m-turn-back.npz")  # a band, and no room
+    assert kept_mission(band, file).room is None
 
 
 @pytest.mark.slow
@@ -174,8 +186,30 @@ def test_a_claim_of_flights_that_were_counted_may_be_another(place):
     assert (about.epsilon, about.confidence) == (0.4, pytest.approx(1.0 - 0.1 / 3.0))
     about = ft.mission(place / "m.npz", confidence=0.8, workers=1).band.about
     assert (about.epsilon, about.confidence) == (FEW["epsilon"], 0.8)
+    ft.mission(place / "m.npz", epsilon=0.4, out=place / "other.npz", workers=1)
+    epsilons = [ft.load(place / name).about.epsilon for name in ("m.npz", "other.npz")]
+    assert epsilons == [FEW["epsilon"], 0.4]
     with pytest.raises(ft.InputError, match="`seed` must be absent for a band"):
         ft.mission(place / "m.npz", seed=0)
+
+
+def test_a_fence_that_is_asked_later_is_kept_in_the_file_of_the_band(place):
+    larger = [[lat + 0.01 * (lat > 47.4), lon] for lat, lon in AREA]
+    mission(place / "larger.plan", larger)
+
+    ft.mission(place / "m.npz", fences=[place / "larger.plan"], workers=1)
+
+    fences = ft.load(place / "m.npz").about.fences
+    assert [str(47.43) in str(fence) for fence in fences] == [False, True]
+
+
+def test_a_band_over_time_is_no_mission(tmp_path):
+    measured = RecordedSignals(units={"chi_err": "rad"})
+    plan = plan_of_paper(made_up_scenario())
+    count_of(ft.Band, plan, measured, 1.0, scores_of(1.0)).save(tmp_path / "band.npz")
+
+    with pytest.raises(ft.InputError, match="along a route"):
+        ft.mission(tmp_path / "band.npz")
 
 
 @pytest.mark.parametrize("given", ["source", "fence"])
