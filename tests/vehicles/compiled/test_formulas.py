@@ -291,6 +291,30 @@ def test_a_piston_engine_shows_that_it_runs_and_that_it_stands(rpm, fuel, runnin
     assert now[f"{at}/set-running"] == running
 
 
+@pytest.mark.parametrize(
+    ("text", "fastest", "strength"),
+    [
+        ("<starter-rpm>900</starter-rpm><starter-torque>0.5</starter-torque>", 900.0, 0.5),
+        ("<starter-rpm>0.5</starter-rpm><starter-torque>70</starter-torque>", 0.5, 70.0),
+        ("<idlerpm>700</idlerpm><maxhp>150</maxhp>", 1400.0, 60.0),
+        ("", 1200.0, 80.0),  # of 600 1/min and 200 hp
+    ],
+)
+@pytest.mark.parametrize("rpm", [0.0, 1.2, 300.0, 1300.0])
+def test_a_starter_has_less_torque_the_faster_it_turns(text, fastest, strength, rpm):
+    """`StarterRPM` and `StarterTorque` of FGPiston.cpp; its power is that of 1 1/min at least."""
+    engine = engine_of(f"<piston_engine>{text}</piston_engine>", "<propeller/>")
+    now = state_of({f"{AT}/starter-norm": 0.9, f"{AT}/friction-hp": 1.5, pistons.STARTER: 1.0})
+
+    power = pistons._cranked(now, engine, rpm)
+
+    torque = 0.9 * strength * max(0.0, 1.0 - rpm / fastest)  # lbf ft
+    per_s = 2.0 * math.pi * max(1.0, rpm) / 60.0
+    assert power == pytest.approx(torque * per_s / 550.0, rel=JSBSIM_DIGITS)
+    now[pistons.STARTER] = 0.0
+    assert pistons._cranked(now, engine, rpm) == -1.5
+
+
 @pytest.mark.parametrize("x", [-1.0, 2.0, 9.0])
 def test_a_table_of_one_row_or_column_or_point_has_no_slope_along_it(x):
     """FGTable.cpp, where an axis with a single point is not searched."""
