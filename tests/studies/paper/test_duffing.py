@@ -120,3 +120,46 @@ def test_the_table_of_the_family_has_the_theorem_and_the_runs_under_noise(study)
     runs = size.T  # one row each
     assert row["mean"] == pytest.approx(np.mean([run.mean() for run in runs]))
     assert row["std"] == pytest.approx(np.mean([run.std() for run in runs]))
+
+
+def test_speeds_of_a_case_are_those_of_its_states_and_its_bound_decays_at_half_the_rate():
+    """The rates begin at (0, -1.59375), and P has the eigenvalues of 1/g^2 and g^2."""
+    pushed = np.column_stack([np.full(40, -L_D), np.linspace(0.0, L_D, 40)])
+    case = duffing.DuffingCase(PRINTED, pushed)
+
+    x1, x2 = np.moveaxis(case.x, -1, 0)
+    assert case.norm_f == pytest.approx(np.hypot(x2, -1.5 * x2 - 0.5 * x1 - 0.25 * x1**3))
+    assert case.farthest == -x1[:, 0].min() > x1.max()
+    rate, radius = GOLDEN**-2, PRINTED.bound(L_D)[1]
+    t = np.linspace(0.0, 4.0, len(x1))
+    limit = radius + (1.59375 * GOLDEN - radius) * np.exp(-0.5 * rate * t)
+    assert case.bound_over_time == pytest.approx(limit, rel=1e-9)
+
+
+def test_a_disturbance_along_the_motion_has_the_sign_of_its_speed():
+    pushed = duffing.along_the_motion(PRINTED)[:, 0]
+
+    x = np.array(X_0)
+    for push in pushed[:60]:
+        assert push == (L_D if x[1] > 0.0 else -L_D)
+        held = solve_ivp(
+            lambda _, x, push=push: PRINTED.rates(x) + np.array([0.0, push]), (0.0, 0.1), x,
+            rtol=1e-8, atol=1e-10,
+        )  # fmt: skip
+        x = held.y[:, -1]
+    assert len({*pushed[:60]}) == 2
+
+
+def test_the_slowest_decay_is_that_of_the_poles_over_the_rate_of_the_theorem():
+    """At the origin the rate is 1 over the largest eigenvalue of P; poles are of s^2 + d s + a."""
+    ratios = []
+    for alpha in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0):
+        for delta in (0.2, 0.5, 1.0, 1.5, 3.0):
+            p_12 = 0.5 / alpha
+            p_22 = (1.0 + 2.0 * p_12) / (2.0 * delta)
+            P = [[alpha * p_22 + delta * p_12, p_12], [p_12, p_22]]
+            slowest = min(-np.roots([1.0, delta, alpha]).real)
+            ratios.append(slowest * np.linalg.eigvalsh(P)[-1])
+
+    assert duffing.DuffingCases().slowest_decay == pytest.approx(min(ratios))
+    assert min(ratios) > 0.5  # which the theorem claims
