@@ -3,12 +3,14 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from printed import lagged
 
 import flighttune as ft
 from flighttune.control.linear_model import Envelope
 from flighttune.control.tuning.envelope import tune_over_envelope, tune_worst_case
+from flighttune.control.tuning.program import Program
 from flighttune.control.tuning.result import assessment
 from flighttune.flight.models import identified_problems
 from tests.control.tuning.conftest import DECOUPLED
@@ -36,6 +38,18 @@ def test_the_bound_on_the_error_is_met(bounded):
     assert ft.loop.indicators(loop, errors=2).E_K == result.E_K
     assert "E_K" in result.active
     assert result.E_K == pytest.approx(bounded.E_star, rel=BINDING)
+
+
+def test_gains_that_are_no_numbers_have_errors_without_end(bounded):
+    """SLSQP may try them: they are as bad as no gains."""
+    task = Program([bounded], "R_K")
+    alone, whole, none = (
+        task._error_room(np.array([*k, 0.0, 0.0, 0.0, 1.0]))
+        for k in ([math.nan, 1.0, 1.0, 1.0], [math.nan] * 4, [0.0] * 4)
+    )
+
+    assert alone.tolist() == whole.tolist() == none.tolist()
+    assert (none < -20.0).all()
 
 
 def test_an_error_that_is_not_reached_is_named(model):
