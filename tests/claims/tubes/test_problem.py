@@ -1,6 +1,7 @@
 """The loop that a tube encloses has the numbers of the scenario, of either law."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from made_up import made_up_scenario
 from made_up_tubes import tube, tube_scenario
 
 import flighttune as ft
+from flighttune.claims.tubes.proof import settled_from
 from flighttune.claims.tubes.tube import stated_problem
 
 FLIGHT = {
@@ -56,6 +58,31 @@ def test_a_feed_forward_adds_the_lift_of_the_reference_path(ahead, lift):
     assert loop.law.feed_forward == ahead
     assert not loop.law.conditional
     assert loop.reference[:, -1] == pytest.approx(np.full(len(loop.reference), lift))
+
+
+@pytest.mark.parametrize(
+    ("of", "place", "by"),
+    [
+        ("reference", 1, 0.1),  # the path angle alone
+        ("reference", 5, 0.1),  # its rate alone
+        ("boxes", (1, 0), -0.1),
+        ("boxes", (0, 1), 0.1),
+        (None, 0, 0.0),
+    ],
+)
+def test_a_loop_has_settled_after_its_last_change_or_wider_box(of, place, by):
+    loop = loop_of(disturbance={"chi_amplitude": 0.2, "gamma_amplitude": 0.1})
+    changed = {"reference": loop.reference.copy(), "boxes": loop.boxes.copy()}
+    changed["boxes"][3] *= 0.5  # within the last
+    for row in changed[of][:8] if of else ():
+        row[place] += by
+    moving, turning = loop.reference.copy(), loop.reference.copy()
+    moving[-1, 0] += 0.1
+    turning[:, 5] = 0.1
+
+    assert settled_from(replace(loop, **changed)) == (8 if of else 0)
+    for reference in (moving, turning):
+        assert settled_from(replace(loop, reference=reference)) == len(reference)
 
 
 def test_a_route_has_no_tube():

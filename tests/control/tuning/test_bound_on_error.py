@@ -50,6 +50,7 @@ def test_gains_that_are_no_numbers_have_errors_without_end(bounded):
 
     assert alone.tolist() == whole.tolist() == none.tolist()
     assert (none < -20.0).all()
+    assert np.isfinite(none).all()
 
 
 def test_an_error_that_is_not_reached_is_named(model):
