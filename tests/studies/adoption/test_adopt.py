@@ -5,6 +5,7 @@ import math
 import os
 import re
 import shutil
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -793,6 +794,49 @@ def test_named_controls_lead_and_others_follow_them_with_their_sign():
     kept = {"surfaces": {"rudder": {}}, "engines": {}, "linked": {}}
     adopt._set_controls(kept, None, {}, rudder=True)
     assert kept == {"surfaces": {"rudder": {}}, "engines": {}, "linked": {}}
+
+
+@pytest.mark.parametrize(
+    ("commands", "words"),
+    [
+        ({"canard": ["fcs/a"]}, "got .'fcs/a'. by canard"),
+        ({"aileron": "fcs/a"}, "got 'fcs/a' by aileron"),
+        ({"aileron": []}, "by aileron"),
+        ({"aileron": ["fcs/a", "fcs/b c"]}, "--aileron must be a property .*, got fcs/b c"),
+        ({"aileron": ["fcs/a", "fcs/b", "-fcs/a"]}, "--aileron must name a property once"),
+    ],
+)
+def test_names_of_commands_are_properties_of_a_surface(commands, words):
+    tables = {"surfaces": {"aileron": {}}, "engines": {}, "linked": {}}
+    with pytest.raises(ft.InputError, match=words):
+        adopt._set_controls(tables, None, commands, rudder=True)
+
+
+def test_a_draft_has_what_was_found_and_names_what_is_missing():
+    begun = survey.wide_tables("c172p")
+    tables = survey.wide_tables("c172p")
+    tables["settings"]["fcs/x"] = 0.123456789
+    tables["declared"] |= {"a/b": 1.123456789, "ft/c": 0.123456789}
+    tables["engines"]["settle_s"] = 15.0
+
+    text = adopt.draft_text(tables, begun, "it is a stone")
+
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    assert comments[0] == "# refused: it is a stone"
+    assert "[surfaces]" in comments[1]
+    assert "[engines]" not in comments[1]
+    assert tomllib.loads(text) == {
+        "title": "c172p", "source": survey.SOURCE, "model": "c172p",
+        "engines": {"count": 1, "settle_s": 15.0}, "settings": {"fcs/x": 0.123456789},
+        # what was measured is rounded
+        "declared": {"a/b": 1.123456789, "ft/c": pytest.approx(0.123456789, rel=1e-3)},
+    }  # fmt: skip
+    assert tomllib.loads(text)["declared"]["ft/c"] != 0.123456789
+    assert "\n[engines] # time they take to a steady thrust\n" in text
+    aileron = {"aileron": {"full_rad": [0.0, 1.0]}}
+    other = tables | {"inner_loop_rate_hz": 400.0, "surfaces": aileron}
+    whole = tomllib.loads(adopt.aircraft_text(other, ()))
+    assert (whole["inner_loop_rate_hz"], whole["surfaces"]) == (400.0, aileron)
 
 
 @pytest.mark.parametrize("elevator", [0.4, 0.8, -0.1])
