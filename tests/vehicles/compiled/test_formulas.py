@@ -379,6 +379,37 @@ def test_air_that_hardly_moves_has_no_angle_of_attack_and_no_rates(velocity, bet
     assert now["aero/beta-rad"] == pytest.approx(beta, abs=1e-4)
 
 
+@pytest.mark.parametrize("h", [4.0, 10.0, 400.0, 1000.0, 1400.0, 2000.0, 5000.0])
+def test_turbulence_has_the_lengths_and_strengths_of_the_standard_for_its_height(h):
+    """MIL-F-8785C, 3.7.3: up to 1000 ft, from 2000 ft on, and straight lines between them."""
+    w_20, span = 50.0, 30.0
+    near = max(h, 10.0)  # ft
+    ground = 0.177 + 0.000823 * near
+    lengths = near / ground**1.2, near
+    deviations = 0.1 * w_20 / ground**0.4, 0.1 * w_20
+    high = np.interp(h, (500.0, 1750.0, 3750.0, 7500.0), (6.6, 6.9, 7.4, 6.7))  # Fig. 7
+    if h > 1000.0:
+        lengths = [np.interp(h, (1000.0, 2000.0), (1000.0, 1750.0))] * 2
+        deviations = [np.interp(h, (1000.0, 2000.0), (0.1 * w_20, high))] * 2
+    state = {"position/h-sl-ft": h, "metrics/bw-ft": span, turbulence.SEVERITY: 3.0}
+    blown = (*turbulence.VELOCITY, *turbulence.WIND, *turbulence.GUST, *turbulence.COSINE_GUST)
+    now = state_of(state | {turbulence.WIND_20FT: w_20, **dict.fromkeys(blown, 0.0)})
+    now[turbulence.VELOCITY[0]], now[turbulence.WIND[0]] = 190.0, 10.0
+    now[turbulence.COSINE_GUST[0]] = 30.0
+    now.local_to_body = np.eye(3).tolist()
+
+    scales, in_gust = (turbulence._scales(now, gust=gust) for gust in (False, True))
+
+    assert (scales.V, in_gust.V) == (180.0, 150.0)
+    assert (scales.L_u, scales.L_w) == pytest.approx(lengths, rel=ROUNDING)
+    assert (scales.sigma_u, scales.sigma_w) == pytest.approx(deviations, rel=ROUNDING)
+    assert (scales.tau_u, scales.tau_w) == pytest.approx(np.divide(lengths, 180.0), rel=ROUNDING)
+    # of roll, by the span
+    root = math.sqrt(lengths[1] * span)
+    assert scales.sigma_p == pytest.approx(1.9 / root * deviations[1], rel=ROUNDING)
+    assert scales.tau_p == pytest.approx(root / 2.6 / 180.0, rel=ROUNDING)
+
+
 @pytest.mark.parametrize(("axis", "body"), [("ahead", 0), ("right", 1), ("down", 2)])
 def test_a_gust_is_a_cosine_up_and_down_along_the_axis_where_it_began(axis, body):
     """It is 3 m/s the other way: up in 5 steps from the fourth on, held for 3, then down in 5."""
