@@ -2,6 +2,7 @@
 
 import re
 
+import mpmath
 import numpy as np
 import pytest
 from made_up_tubes import (
@@ -13,8 +14,10 @@ from made_up_tubes import (
     tube,
     tube_scenario,
 )
+from scipy.linalg import hilbert
 
 import flighttune as ft
+from flighttune.claims.tubes import interval, proof
 from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.problem import QUANTITIES
 from flighttune.flight.loop.disturbance import Sinusoid
@@ -55,6 +58,47 @@ def path(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
     found.save(path)
     return path
+
+
+def test_bounds_for_ever_are_of_the_samples_after_the_end_and_of_the_second_round():
+    after_end, passed = np.zeros((2, 4, 2)), np.zeros((4, 4, 2))
+    passed[:2] = [-9.0, 9.0]  # the first round begins in a box that no flight fills
+    after_end[1, 0], passed[2, 1], passed[3, 2] = [-1.0, 2.0], [-3.0, 4.0], [-5.0, 6.0]
+
+    bounds = proof.for_ever(after_end, passed)
+
+    assert bounds.tolist() == [[-1.0, 2.0], [-3.0, 4.0], [-5.0, 6.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize("by", [(0.0, 0.0), (1e-9, 0.0), (0.0, -1e-9), (1e-9, -1e-9)])
+def test_a_range_is_inside_a_set_if_both_its_ends_are(by):
+    centre, size = np.array([0.1, 7.0]), np.array([0.3, 1.1])
+    ranges = np.stack([centre - 0.9 * size, centre + 0.9 * size], axis=1)
+    ranges[1] = [7.0 - 1.1 + by[0], 7.0 + 1.1 + by[1]]
+
+    assert proof.inside(ranges, centre, size) == all(by)
+
+
+def test_corners_of_a_set_are_in_its_piece_though_its_rows_are_nearly_alike():
+    """To 60 digits a corner is a sum of generators, each taken once at most, and of the rest."""
+    n, rng = 6, np.random.default_rng(2)
+    W, centre, size = hilbert(n), rng.normal(size=n), rng.uniform(0.1, 1.0, n)
+
+    piece = proof.parallelotope(W, centre, size)
+
+    generators, rest = piece.values[0, :, 1 : 1 + n], piece.err[0]
+    assert np.abs(generators) == pytest.approx(np.abs(np.linalg.inv(W)) * size, rel=1e-4)
+    with mpmath.workdps(60):
+        for signs in rng.choice([-1.0, 1.0], (16, n)):
+            values = zip(centre, signs, size, strict=True)
+            corner = [mpmath.mpf(c) + sign * mpmath.mpf(s) for c, sign, s in values]
+            z = mpmath.lu_solve(mpmath.matrix(W.tolist()), mpmath.matrix(corner))
+            off = z - mpmath.matrix(piece.values[0, :, 0].tolist())
+            of = mpmath.matrix(generators.tolist())
+            shares = mpmath.matrix([max(-1, min(1, x)) for x in mpmath.lu_solve(of, off)])
+            assert all(abs(x) <= most for x, most in zip(off - of * shares, rest, strict=True))
+    with pytest.raises(interval.Unbounded, match="no inverse"):
+        proof.parallelotope(hilbert(14), np.zeros(14), np.ones(14))
 
 
 def test_a_law_that_feeds_back_settles_too_and_stays_for_ever(scenario):
