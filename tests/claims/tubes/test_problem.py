@@ -18,6 +18,9 @@ FLIGHT = {
 }  # fmt: skip
 
 
+LEG = [{"north_m": north, "east_m": 0.0} for north in (0.0, 600.0)]
+
+
 def loop_of(law="paper", plant="kinematic", **tables):
     gains = {"name": "own", "K_P": [[1.5, 0.0], [0.0, 1.2]], "K_I": [[0.5, 0.0], [0.0, 0.4]]}
     if law == "exact":
@@ -86,8 +89,11 @@ def test_a_loop_has_settled_after_its_last_change_or_wider_box(of, place, by):
 
 
 def test_a_route_has_no_tube():
+    tables = tube_scenario().as_dict() | {"route": {"waypoint": LEG}}
+    del tables["reference"]
+
     with pytest.raises(ft.InputError, match="`route` must be absent for a tube"):
-        stated_problem("circuit")
+        stated_problem(ft.scenario_from(tables), ft.PAPER_GAINS)
 
 
 @pytest.mark.parametrize(
