@@ -61,7 +61,7 @@ ft.compare("circuit_in_wind", autopilot=sys.argv[1], kept=sys.argv[2], observer=
 """
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
     kept = tmp_path / "runs" / "kept.jsonl"
     done = subprocess.run([sys.executable, "-c", KILLED, file, kept], check=False)

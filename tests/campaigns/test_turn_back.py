@@ -244,7 +244,7 @@ def test_flights_of_older_files_begin_in_steady_flight_and_those_that_have_one_s
     pd.testing.assert_frame_equal(*(run.signals for run in runs(100.0)), check_exact=True)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.usefixtures("few_learned")
 def test_the_room_of_a_mission_with_a_steep_leg_is_claimed_of_all_its_flights(steep, tmp_path):
     few = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)

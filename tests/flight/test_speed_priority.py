@@ -63,7 +63,12 @@ def test_the_airspeed_settles_at_its_floor_when_the_engine_fails(wind):
 
 @pytest.mark.soak
 @pytest.mark.parametrize(
-    ("aircraft", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("x8", 18.0), ("a4", 200.0)]
+    ("aircraft", "V_a"),
+    [
+        *(("aerosonde", 25.0), ("c172p", 50.0)),
+        pytest.param("x8", 18.0, marks=pytest.mark.counts),
+        pytest.param("a4", 200.0, marks=pytest.mark.counts),
+    ],
 )
 def test_no_aircraft_is_lost_whose_engine_fails_in_light_turbulence(aircraft, V_a):
     for seed in range(2):

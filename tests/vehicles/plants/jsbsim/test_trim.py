@@ -338,7 +338,7 @@ STEADY = 1e-3
 """Share by which thrust may change in the first second: the torque turns the aircraft."""
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_thrust_of_a_turboprop_does_not_fall_after_the_start():
     run = ft.fly(shortened(TURBOPROP, 1.0, gains=["paper"])).runs[0]
 
