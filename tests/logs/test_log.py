@@ -170,28 +170,30 @@ def test_a_message_of_a_dataflash_log_has_the_time_since_boot(fields, seconds):
 
 
 def test_the_part_of_a_log_in_a_flight_mode_has_the_times_of_that_mode_alone(tmp_path):
-    """ArduPlane's mode 10 is AUTO, 5 is FBWA: FBWA, AUTO, FBWA and AUTO for 5 s each."""
+    """For 5 s each: FBWA (ArduPlane's mode 5), AUTO (10), FBWA, AUTO, FBWA and LOITER (12)."""
+    modes = (5, 10, 5, 10, 5, 12)
     lines = [
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
         "FMT, 1, 17, ATT, Icccc, TimeMS,DesRoll,Roll,Pitch,Yaw",
         "FMT, 2, 30, GPS, BIHff, Status,TimeMS,Week,Spd,GCrs",
         "FMT, 3, 20, MODE, IB, TimeMS,Mode",
-        *(f"MODE, {5000 + 5000 * k}, {(5, 10)[k % 2]}" for k in range(4)),
-        *(f"ATT, {5000 + 100 * i}, 12.00, {0.1 * i:.2f}, 2.00, 90.00" for i in range(200)),
-        *(f"GPS, 3, {5000 + 200 * i}, 1800, 22.0, 90.0" for i in range(100)),
+        *(f"MODE, {5000 + 5000 * k}, {mode}" for k, mode in enumerate(modes)),
+        *(f"ATT, {5000 + 100 * i}, 12.00, {0.1 * i:.2f}, 2.00, 90.00" for i in range(300)),
+        *(f"GPS, 3, {5000 + 200 * i}, 1800, 22.0, 90.0" for i in range(150)),
     ]
     path = tmp_path / "modes.log"
     path.write_text("\n".join([*lines, ""]))
 
-    part = ft.load(f"{path}@auto")
+    for mode, first, last in (("auto", 1, 3), ("FBWA", 0, 4), ("Loiter", 5, 5)):
+        part = ft.load(f"{path}@{mode}")
 
-    phi = np.degrees(part.signals["phi"].to_numpy())
-    t = part.t - part.t[0]
-    assert t[-1] == pytest.approx(14.9, abs=0.11)  # from the first to the end of the last
-    in_auto = (t < 4.95) | (t > 10.05)
-    assert phi[in_auto] == pytest.approx(5.0 + t[in_auto], abs=0.11)
-    assert np.isnan(phi[(t > 5.05) & (t < 9.95)]).all()
-    with pytest.raises(ft.InputError, match="which has FBWA, AUTO, got 'LAND'"):
+        phi, t = np.degrees(part.signals["phi"].to_numpy()), part.t - part.t[0] + 5.0 * first
+        assert t[-1] == pytest.approx(5.0 * last + 4.9, abs=0.11)  # the end of the last
+        into, number = np.modf(t / 5.0)
+        flown = (number % 2 == first % 2) & (0.01 < into) & (into < 0.99)
+        assert phi[flown] == pytest.approx(t[flown], abs=0.11)
+        assert np.isnan(phi[(number % 2 != first % 2) & (0.01 < into) & (into < 0.99)]).all()
+    with pytest.raises(ft.InputError, match="which has FBWA, AUTO, LOITER, got 'LAND'"):
         ft.load(f"{path}@LAND")
 
 
