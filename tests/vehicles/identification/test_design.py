@@ -153,17 +153,22 @@ def test_the_rudder_damps_sideslip_and_yaw_to_the_share_of_critical_that_is_stat
     assert -modes.real.mean() == pytest.approx(DUTCH_ROLL * math.sqrt(40.0))
 
 
-@pytest.mark.parametrize("weathercock", [-1.0, 0.0, 0.5])
-def test_an_airframe_without_weathercock_stability_gets_it_from_the_rudder(slopes, weathercock):
+@pytest.mark.parametrize(
+    ("weathercock", "of_both"), [(-1.0, 1.0), (0.0, 1.0), (0.5, 1.0), (1.2, 1.2), (4.0, 4.0)]
+)
+def test_an_airframe_without_weathercock_stability_gets_it_from_the_rudder(
+    slopes, weathercock, of_both
+):
     rows = {what: dict(row) for what, row in slopes.slopes.items()}
     rows["r_dot"]["beta"] = weathercock
     airframe = designs.Airframe(trimmed=slopes.trimmed, slopes=rows)
 
     gains = designs.inner_loop_gains(airframe, AEROSONDE.design)
 
-    # The rudder follows k_p n_y, and n_y follows the sideslip: 1/s2 in all, or more.
+    # The rudder follows k_p n_y, and n_y follows the sideslip: 1/s2 at least, and three quarters
+    # more from the loop that takes n_y to zero at 1 rad/s.
     by_rudder = rows["r_dot"]["rudder"] * gains["yaw/k_p"] * rows["n_y"]["beta"]
-    assert weathercock + by_rudder >= 1.0
+    assert weathercock + by_rudder == pytest.approx(1.75 * of_both)
 
 
 @pytest.mark.soak
