@@ -228,6 +228,7 @@ def _fastest(
         return float(x[-1] + PENALTY * (np.abs(_missed(manoeuvre, x[None])[0]).sum() + rates))
 
     best = merit(x)
+    # Types are declared here and in `_missed`: Pyright needs seconds to infer them.
     for _ in range(steps):
         near: FloatArray = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
         slopes = (near[1:] - near[0]) / DIFFERENCE

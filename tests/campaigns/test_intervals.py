@@ -37,7 +37,7 @@ def test_intervals_of_a_share_are_those_of_scipy(method, confidence):
 
 @pytest.mark.parametrize(("successes", "trials"), [(38, 40), (3, 9), (50, 50)])
 def test_an_interval_at_any_time_ends_where_the_evidence_against_it_is_40(successes, trials):
-    """At 95 %, of mean likelihood ratios over the chances of a failure below and above the end."""
+    """Evidence is the mean likelihood ratio over chances of a failure below or above the end."""
     failures = trials - successes
 
     def mean_ratio(end, low, high):

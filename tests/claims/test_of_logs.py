@@ -150,7 +150,7 @@ def test_parts_of_one_flight_are_refused_under_other_names_too(noisy, tmp_path):
 
 
 def test_logs_may_have_a_roll_or_half_of_their_samples_in_common(noisy):
-    """Of other files: a script flown again in other air."""
+    """The logs are different files, as those of a script that is flown again in other air are."""
     first, second, third = noisy[:3]
     same_roll = replace(second, signals=second.signals.assign(phi=first.signals["phi"]))
     half = pd.concat([first.signals[: len(T) // 2], second.signals[len(T) // 2 :]])

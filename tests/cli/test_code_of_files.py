@@ -213,7 +213,7 @@ WITH_RUN_CODE = [
 ]
 
 
-# Of cases of one kind the shorter one is in CI.
+# The shorter of two cases of one kind is in CI.
 LATER = FLIES["band"][0], "0 verify band.npz --run 11 --run-code"
 
 

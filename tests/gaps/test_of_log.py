@@ -632,7 +632,7 @@ def test_intervals_of_factors_do_not_depend_on_their_values():
 
 
 def test_steps_of_a_fit_are_halved_while_they_lead_away(monkeypatch):
-    """Of an arctangent of three times the distance, 1.4 sizes at first, Newton's step is too long.
+    """Newton's step is too long for an arctangent of three times the distance, 1.4 sizes at first.
 
     Of three sizes at most it leads from 1.4 below the truth to 1.6 above it.
     """

@@ -162,7 +162,7 @@ def test_what_the_boxes_say_nothing_about_is_refused(known, scenario, options, w
 
 
 def test_the_path_over_ground_begins_as_stated_though_the_aircraft_points_into_the_wind():
-    """At 25 m/s through air that comes from 60 deg at 3 m/s."""
+    """The aircraft flies at 25 m/s through air that comes from 60 deg at 3 m/s."""
     wind = {"wind": {"speed_mps": 3.0, "from_deg": 60.0, "down_mps": 0.5}}
     climb = ft.scenario_from(aircraft_scenario(gamma_deg=3.0, duration_s=0.1).as_dict() | wind)
 

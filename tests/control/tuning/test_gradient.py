@@ -98,7 +98,7 @@ def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed():
 
 
 def test_a_channel_that_the_rate_leaves_open_has_the_smallest_trace_of_q():
-    """Of ``e'' + p e' + q e = 0`` it is ``(2 + q + 1/q) / (2 p) + p / (2 q)``, least at ``q + 1``.
+    """For ``e'' + p e' + q e = 0`` it is ``(2 + q + 1/q) / (2 p) + p / (2 q)``, least at ``q + 1``.
 
     This falls with q, up to the bound on the integral gain.
     """

@@ -173,7 +173,7 @@ def test_noise_must_be_positive_and_fit_the_channels():
 
 @pytest.mark.soak
 def test_gentle_gains_keep_the_errors_with_calmer_commands_and_ailerons():
-    """On four legs in light turbulence with a standard receiver: a third less aileron rate."""
+    """The ailerons move a third less on four legs in light turbulence with a standard receiver."""
     legs = (0.0, 0.0), (560.0, 0.0), (730.0, 560.0), (340.0, 950.0), (-220.0, 1120.0)
     changes = {
         "route.waypoint": [{"north_m": n, "east_m": e} for n, e in legs],

@@ -915,7 +915,7 @@ def test_what_is_set_is_there_and_a_body_has_mass(asked, words):
 
 
 def test_a_moment_of_inertia_above_the_sum_of_the_others_is_no_bodys():
-    """By more than a hundredth of the sum of all three: the mark is 2242 slug ft^2."""
+    """A hundredth of the sum of all three is allowed: the mark is 2242 slug ft^2."""
     small = {"metrics/Sw-sqft": 0.5}
     models = [Loaded(small | {"inertia/izz-slugs_ft2": izz}) for izz in (2240.0, 2250.0)]
 

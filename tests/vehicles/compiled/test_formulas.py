@@ -81,7 +81,7 @@ def test_a_turboprop_spools_up_and_down_by_a_time_constant_for_each(start, targe
 
 @pytest.mark.parametrize("limit", ["", "<ielumaxtorque>0.5</ielumaxtorque>"])
 def test_a_torque_above_its_limit_moves_the_lever_down_and_one_below_slowly_up_again(limit):
-    """By 10 % and 5 % a second; FGTurboProp.cpp takes no limit where a file states none."""
+    """It moves by 10 % and 5 % a second; FGTurboProp.cpp takes no limit where none is stated."""
     engine = engine_of(f"<turboprop_engine>{limit}</turboprop_engine>", "<propeller/>")
     now = state_of({engine.throttle: 0.6, "_lever0": 0.6, "_limited0": 0.0})
 
@@ -302,7 +302,7 @@ def test_a_piston_engine_shows_that_it_runs_and_that_it_stands(rpm, fuel, runnin
 )
 @pytest.mark.parametrize("rpm", [0.0, 1.2, 300.0, 1300.0])
 def test_a_starter_has_less_torque_the_faster_it_turns(text, fastest, strength, rpm):
-    """`StarterRPM` and `StarterTorque` of FGPiston.cpp; its power is that of 1 1/min at least."""
+    """FGPiston.cpp: `StarterRPM` and `StarterTorque`; its power is that of 1 1/min at least."""
     engine = engine_of(f"<piston_engine>{text}</piston_engine>", "<propeller/>")
     now = state_of({f"{AT}/starter-norm": 0.9, f"{AT}/friction-hp": 1.5, pistons.STARTER: 1.0})
 

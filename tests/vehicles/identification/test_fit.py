@@ -276,7 +276,7 @@ def test_a_lag_is_that_of_its_parameters(order):
 
 @pytest.mark.parametrize(("other", "cross"), [(None, None), ([0.1j, -0.3, 0.2], 0.3)])
 def test_the_channel_of_a_file_has_the_chosen_lag_and_the_best_that_is_simpler(other, cross):
-    """From a command of 0.5 on, at which the channel is at rest at 0.3."""
+    """The channel begins at rest, at 0.3 for a command of 0.5."""
     third = ft.loop.InnerLag(order=3, natural_frequency=6.0, damping=0.4, lag=0.15)
     commanded = 0.5 + commands() - commands()[0]
     channel = fit.ChannelIdentification(
@@ -304,7 +304,7 @@ def test_the_percentage_explained_is_of_the_variance():
 
 
 def test_one_order_of_lag_is_that_with_the_least_sum_of_the_criterion_over_conditions():
-    """Of roll the first order, which is not the best of the first condition; of lift the third."""
+    """Roll has the first order, not the best of its first condition, and lift the third."""
     criteria = (
         {"phi": (-10.0, -12.0, -11.0), "n_z": (3.0, 2.0, 1.0)},
         {"phi": (-20.0, -15.0, -16.0), "n_z": (3.0, 1.0, 1.5)},

@@ -146,7 +146,7 @@ def test_responses_are_those_of_the_channels_without_the_hold_of_commands():
 
 @pytest.mark.parametrize("true", [FIRST, SECOND, THIRD], ids=["first", "second", "third"])
 def test_of_lags_fitted_to_a_response_the_best_is_that_which_made_it(true):
-    """Of real and imaginary parts with an error of 0.002, which alternates."""
+    """Real and imaginary parts have an error of 0.002, which alternates."""
     omega = np.geomspace(*fit.BAND, 15)
     error = 0.002 * (-1.0) ** np.arange(15) * (1.0 + 1.0j)
     response = fit.FrequencyResponse(omega, true.response(omega) + error)
@@ -171,7 +171,7 @@ def test_of_lags_fitted_to_a_response_the_best_is_that_which_made_it(true):
 
 
 def test_no_order_is_gained_below_the_finest_distance_and_a_lag_beyond_the_band_is_found():
-    """0.001, whose square is of 30 numbers; the lag responds to the whole band."""
+    """The distance is 0.001 in each of 30 numbers; the lag responds to the whole band."""
     omega = np.geomspace(*fit.BAND, 15)
     true = ft.loop.InnerLag(order=1, natural_frequency=60.0, delay=0.02)
 
