@@ -550,6 +550,36 @@ def test_the_bound_of_a_claim_is_that_of_its_counts():
     assert hours(2, 4, target=0.5).bound.each == pytest.approx(1.0 - 0.1 / 5)
 
 
+def two_faults(**changes):
+    """A claim with a second fault, at half of the rate, and flights of unequal lengths."""
+    (first,) = (claim := hours(target=0.9)).rates["fault"]
+    second = {**first, "kind": "engine", "per_hour": 0.5}
+    times = (110.0, *(90.0,) * 3, *(100.0,) * 296)
+    terms = replace(counted(0), end_s=times), counted(4, 0, 1.0), counted(290, 1, 1.0)
+    return replace(claim, rates={**claim.rates, "fault": [first, second]}, terms=terms, **changes)
+
+
+def test_each_fault_has_its_rate_its_flights_and_its_shares_of_the_confidence():
+    """Seven counts share 0.1: three of healthy flights, two of each fault; 90 s is too short."""
+    claim = two_faults(later=(counted(0, 1, 1.0), counted(290, 1, 2.0)))
+
+    def upper(k):
+        return stats.beta.ppf(1.0 - 0.1 / 7, k + 1, 300 - k)
+
+    mean_h, window, cap = (1.0 - upper(3)) * 100.0 / 3600.0, 110.0 / 3600.0, 120.0 / 3600.0
+    terms = [
+        rate * (window * upper(k) + upper(0) * cap) / mean_h
+        for rate, k in ((1.0, 4), (0.5, 290), (0.5, 0))
+    ]
+    assert claim.bound.faults == pytest.approx(terms[:2])
+    assert claim.largest == 1
+    better = claim.total_with(claim.later[0])
+    assert claim.bound.total - better == pytest.approx(terms[1] - terms[2])
+    assert claim.latest == ("engine", 1.0)
+    with pytest.raises(ft.InputError, match=r"`later` must be flights of one fault"):
+        two_faults(later=(counted(0, 0, 1.0), counted(0, 1, 1.0)))
+
+
 @pytest.mark.parametrize(
     ("later", "latest"),
     [
@@ -572,6 +602,9 @@ def test_the_latest_time_of_ending_is_that_before_the_first_failure(later, lates
 def test_a_target_is_met_by_the_total_and_asks_for_flights_by_half_of_it():
     assert hours().met is None
     assert [hours(0, 0, target=x).met for x in (1.0, 0.1)] == [True, False]
+    # a total that equals the target meets it
+    reached = hours(target=hours(target=1.0).bound.total, later=[(0, 1.0)])
+    assert (reached.met, reached.latest) == (True, ("aileron_stuck", 1.0))
     assert per_hour.healthy_flights_for(hours()) is None
     # none of n outside: (1 - epsilon)^n <= 1 - confidence of each count
     claim = hours(0, 40, target=0.02)
@@ -585,7 +618,7 @@ def test_the_healthy_flights_are_too_few_if_none_left_and_their_bound_exceeds_th
     healthy = hours(target=0.5).bound.healthy
 
     assert hours(target=0.9 * healthy).too_few
-    assert not hours(target=1.1 * healthy).too_few
+    assert not hours(target=healthy).too_few
     assert not hours(1, target=0.9 * healthy).too_few
     assert not hours().too_few
 
@@ -705,6 +738,7 @@ def test_what_matters_most_says_how_many_flights_were_ended_and_asks_for_more():
     [
         ((counted(0), counted(0, 0, 2.0)), ()),  # ended at another time than stated
         ((counted(0), counted(0, 1, 1.0)), ()),  # another fault
+        ((counted(0), replace(counted(0, 0, 1.0), left_s=(), end_s=(), ended_at_s=())), ()),
         ((counted(0, 0), counted(0, 0, 1.0)), ()),
         ((counted(0),), ()),
         ((counted(0), counted(0, 0, 1.0)), (counted(0), )),  # no fault
@@ -725,15 +759,18 @@ def again(monkeypatch):
     def flown(flights, pool, runs, _doing):
         seen.append((pool.progress.stage, [*runs], flights.plan.campaign))
         after = flights.leaving.after_s or 0.0
-        return [Left(NEVER if run % 2 else after + run, 20.0 + run, after, 0.0) for run in runs]
+        return [
+            Left(NEVER if run % 2 else after + run, 20.0 + 0.25 * run, after, 0.0) for run in runs
+        ]
 
     monkeypatch.setattr(hourly_flights.TermFlights, "flown", flown)
     return seen
 
 
 def counted_again():
-    """A claim of eight healthy flights, and six with a fault ended after 1 s and after 2 s."""
-    stated, plan = rates(ended_s=1.0), hourly_flights.hourly_plan(short_plan())
+    """A claim of 48 healthy flights, and six with a fault ended after 1 s and after 2 s."""
+    stated = rates(ended_s=1.0).model_copy(update={"flights": 48})
+    plan = hourly_flights.hourly_plan(short_plan())
     ends = hourly_flights.Ends(plan=plan, rates=stated, volume=box(1e4), alarms=None)
 
     def term(fault, ended_s, number):
@@ -746,15 +783,15 @@ def counted_again():
     return per_hour.PerHour(
         rates=stated.model_dump(mode="json", exclude_none=True), confidence=0.9,
         plan=plan.as_dict(), volume=box(1e4),
-        terms=(term(None, None, 8), term(0, 1.0, 6)), later=(term(0, 2.0, 6),),
+        terms=(term(None, None, 48), term(0, 1.0, 6)), later=(term(0, 2.0, 6),),
     )  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("count", "flown", "missed"), [(3, (3, 3, 3), (0.62, 0.5)), (None, (8, 6, 6), (0, 0))]
+    ("count", "flown", "missed"), [(3, (3, 3, 3), (0.82, 0.5)), (None, (48, 6, 6), (0, 0))]
 )
 def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flown, missed):
-    """One forged flight of N is not among n of them with probability 1 - n / N."""
+    """A twentieth is forged, rounded up: of 48 three, which three avoid by (45 44 43) / (48 47 46)."""
     claim = counted_again()
     again.clear()
 
@@ -762,18 +799,18 @@ def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flo
 
     assert verified.valid
     assert [stage for stage, *_ in again] == [f"stage {i} of 3, " for i in (1, 2, 3)]
-    assert tuple(len({*runs} & {*range(8)}) for _, runs, _ in again) == flown
+    assert tuple(len({*runs} & {*range(48)}) for _, runs, _ in again) == flown
     assert all(runs == sorted(runs) for _, runs, _ in again)
     # a fault comes within the longest healthy flight
     drawn = [{x.key: x for x in campaign.disperse} for *_, campaign in again]
-    assert [x["plant.airframe.fault.from_s"].upper for x in drawn[1:]] == [27.0, 27.0]
+    assert [x["plant.airframe.fault.from_s"].upper for x in drawn[1:]] == [31.75, 31.75]
     *notes, last = verified.notes
     names = "Healthy flight", "Engine, cut after 1 s", "Engine, cut after 2 s"
-    for note, name, number, of, p in zip(
-        notes, names, flown, (8, 6, 6), (*missed, missed[1]), strict=True
+    for note, name, number, of, forged, p in zip(
+        notes, names, flown, (48, 6, 6), (3, 1, 1), (*missed, missed[1]), strict=True
     ):
         assert note.startswith(f"{name}: {number} of {of} flights")
-        assert note.endswith(f"1 forged ones would be missed with probability {p:g}.")
+        assert note.endswith(f"{forged} forged ones would be missed with probability {p:g}.")
     assert "rates are the applicant's" in last
 
 
