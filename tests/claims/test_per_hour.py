@@ -791,7 +791,7 @@ def counted_again():
     ("count", "flown", "missed"), [(3, (3, 3, 3), (0.82, 0.5)), (None, (48, 6, 6), (0, 0))]
 )
 def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flown, missed):
-    """A twentieth is forged, rounded up: of 48 three, which three avoid by (45 44 43) / (48 47 46)."""
+    """A twentieth is forged: of 48 three, which three avoid by (45 44 43) / (48 47 46)."""
     claim = counted_again()
     again.clear()
 
