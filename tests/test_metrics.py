@@ -88,11 +88,10 @@ def test_an_exponential_has_the_integrals_and_times_of_its_formula():
 def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it():
     rate, name = 0.8, "settling_s within 5 deg"
 
-    settles, swings = np.exp(-rate * T), np.deg2rad(6.0) * np.cos(math.tau * T)
+    settles, swings = -np.exp(-rate * T), np.deg2rad(6.0) * np.cos(math.tau * T)
+    names = {"chi": ["error within 3 deg", name]}
     found, wavy = (
-        metrics.measures_of(
-            T, metrics.signal_arrays(run_of(error), metrics.MEASURED), {"chi": [name]}
-        )["chi"]
+        metrics.measures_of(T, metrics.signal_arrays(run_of(error), metrics.MEASURED), names)["chi"]
         for error in (settles, swings)
     )
 
@@ -210,12 +209,32 @@ def test_a_path_angle_that_gives_way_is_held_against_the_one_that_is_given(side)
     angles = {"gamma_ref": 0.1 * side, "gamma_given": 0.05 * side}
     error = np.full_like(T, (0.1 - 0.04) * side)
 
-    given = metrics.measures(run_of(0.0 * T, error, **angles))["gamma"]
-    assert given["end_error"] == pytest.approx(0.05 - 0.04)
+    found = metrics.measures(run_of(0.0 * T, error, **angles))
+    assert found["gamma"]["end_error"] == pytest.approx(0.05 - 0.04)
+    assert found["chi"]["end_error"] == 0.0
     del angles["gamma_given"]
     assert metrics.measures(run_of(0.0 * T, error, **angles))["gamma"][
         "end_error"
     ] == pytest.approx(0.06)
+
+
+def test_the_end_begins_with_the_last_change_of_a_reference_in_the_last_quarter():
+    """Six of eight seconds begin the last quarter, and the path angle changes after seven."""
+    late, early = 0.5 * (np.arange(9) >= 7), 0.5 * (np.arange(9) >= 2)
+    error = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.0, -0.9, 0.4, 0.2])
+    t, columns = level_columns(
+        9, gamma_ref=late, gamma_err=error, chi_ref=early, chi_err=error, V_ref=25.0 + late,
+        V_err=-error, n_x_cmd=0.0, n_x_limited=0.0,
+    )  # fmt: skip
+
+    found = metrics.measures_of(t, columns, {})
+    given = metrics.measures_of(t, columns | {"gamma_given": late - 0.01 * np.arange(9)}, {})
+
+    assert found["gamma"]["end_error"] == pytest.approx((0.4 + 0.2) / 2.0)
+    assert found["V"]["end_error"] == pytest.approx((0.4 + 0.2) / 2.0)
+    assert found["gamma"]["end_allowed"] == pytest.approx(0.2 * 0.5)
+    assert found["chi"]["end_error"] == pytest.approx((0.9 - 0.4 - 0.2) / 3.0)
+    assert given["gamma"]["end_error"] == pytest.approx((0.4 - 0.07 + 0.2 - 0.08) / 2.0)
 
 
 def test_effort_and_time_at_limits_are_those_of_the_command():
@@ -382,15 +401,20 @@ def test_names_of_measures_that_only_requirements_use_hold_their_band_or_envelop
     assert metrics.settling_band("settling_s") is None
     limits = {"settling_s": 4.0, "band_deg": 0.5, "ITAE": 2.0}
     assert metrics.stated_bounds("chi", limits) == {"settling_s within 0.5 deg": 4.0, "ITAE": 2.0}
+    assert metrics.stated_bounds("V", own["V"]) == {"error within 3 m/s, 1 m/s from 4 s": 1.0}
 
 
 def test_two_samples_are_enough_for_measures_of_a_run():
     t, columns = level_columns(2, V_err=0.0, V_ref=25.0, n_x_cmd=0.0, n_x_limited=0.0)
     run = made_up_run(columns, t)
 
-    channels, flights = metrics.metric_tables([run])
+    one = dataclasses.replace(run, signals=run.signals.iloc[:1])
+    logged = made_up_run(columns, t, scenario={"log": {"checks": []}}, gains_name="flown")
+    channels, flights = metrics.metric_tables([one, logged, run])
 
     assert (len(channels), len(flights)) == (2, 1)
     assert metrics.airspeed_metrics(run)["min_mps"] == 25.0
-    one = dataclasses.replace(run, signals=run.signals.iloc[:1])
-    assert metrics.airspeed_metrics(one) == {}
+    assert metrics.measures(run)["V"]["min_mps"] == 25.0
+    assert metrics.airspeed_metrics(one) == metrics.measures(logged) == {}
+    without = dataclasses.replace(run, signals=run.signals.drop(columns="V_err"))
+    assert metrics.airspeed_metrics(without) == {}

@@ -59,6 +59,7 @@ def test_a_command_that_swings_between_its_limits_meets_nothing(case):
 
     assert found.claim.verdict == "not met"
     (sentence,) = found.claim.missed
+    assert found.claim.held == ()
     assert f"{command} swings between its limits to the end" in sentence
     assert found.answer().failure == sentence
     assert sentence in found.answer().values["claim"]["sentence"]
@@ -67,8 +68,9 @@ def test_a_command_that_swings_between_its_limits_meets_nothing(case):
 @pytest.mark.parametrize(
     ("turned_back", "each", "calm", "judged"),
     [
-        (4, 0.01, True, True),
+        (3, 0.01, True, True),
         (2, 0.01, True, False),
+        (9, 0.5, False, False),
         (900, 0.2, False, False),
         (9, 0.9, False, True),
     ],

@@ -1,6 +1,7 @@
 """What a scenario expects is held against what was flown, and said in one line each."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -89,6 +90,8 @@ def test_an_end_that_was_expected_is_none_to_complain_of_and_its_absence_is():
     assert checks.check_claim(wanted, [flown()]).missed == (
         "kinematic / paper: completed, must be left_envelope: flown to its end",
     )
+    either = scenario({"status": "completed"}, {"status": "left_envelope"})
+    assert checks.check_claim(either, [flown(), ended]).missed == ()
 
 
 # A step of the course by 20 deg: 4 deg are a fifth of it.
@@ -122,6 +125,75 @@ def test_a_flight_with_requirements_follows_its_reference_to_the_end(late_deg, e
         assert short(claim).endswith("0 missed; 1 of 1 run did not follow the reference to the end")
 
 
+LATE = {"end_error": np.deg2rad(3.0), "end_allowed": np.deg2rad(2.0)}
+LATER = {"end_error": np.deg2rad(2.5), "end_allowed": np.deg2rad(1.0)}
+SWINGING = {"held_magnitude": 0.4, "held_rate": 0.2, "swings": 3.0}
+SWINGING_MORE = {"held_magnitude": 0.1, "held_rate": 0.6, "swings": 3.0}
+LOWER = [BOUND, {"at_least": {"gamma": {"ST_deg": 0.0}}}]
+
+
+@pytest.mark.parametrize(
+    ("expect", "measured", "said"),
+    [
+        ([BOUND], {"chi": LATE, "gamma": LATER}, "gamma does .* at most 1 deg, got 2.5$"),
+        ([BOUND], {"chi": LATER, "gamma": LATE}, "chi does .* at most 1 deg, got 2.5$"),
+        ([BOUND], {"V": {"end_error": 0.4, "end_allowed": 0.1}}, "V does .* 0.1 m/s, got 0.4$"),
+        (LOWER, {"chi": LATE, "gamma": LATER}, "chi does .* at most 2 deg, got 3$"),
+        (LOWER, {"gamma": SWINGING}, "^$"),
+        ([BOUND], {"chi": SWINGING, "gamma": SWINGING_MORE}, "n_z_cmd swings .* got 70 %$"),
+        ([BOUND], {"chi": SWINGING_MORE, "gamma": SWINGING}, "phi_cmd swings .* got 70 %$"),
+        ([BOUND], {"chi": SWINGING, "gamma": LATER}, "phi_cmd swings .* got 60 %$"),
+        ([BOUND, {"status": "left_envelope"}], {"gamma": LATER}, "^$"),
+    ],
+)
+def test_the_worst_of_channels_that_do_not_follow_is_said_where_no_bound_asks_for_it(
+    expect, measured, said
+):
+    tables = scenario(*expect).expected("kinematic", "paper")
+
+    assert re.search(said, checks.not_followed(tables, measured, calm=True))
+
+
+def test_a_response_that_settles_too_late_has_no_other_reason():
+    """From 2 deg the error is within 5 % of the change, 1 deg, after 4 s."""
+    late = np.deg2rad(np.where(T < 5.0, 2.0 * (T >= 1.0), 0.5))
+
+    (missed,) = checks.check_claim(
+        scenario({"at_most": {"chi": {"settling_s": 3.0}}}), [flown(late)]
+    ).missed
+
+    assert missed.endswith("chi.settling_s must be at most 3, got 4 (missed by 1)")
+
+
+@pytest.mark.parametrize(
+    ("sense", "bound", "value", "margin"),
+    [("at_least", -2.0, -3.0, 0.5), ("at_most", 4.0, 3.0, -0.25), ("at_most", 0.0, 3.0, 3.0)],
+)
+def test_a_margin_is_relative_to_the_size_of_its_bound(sense, bound, value, margin):
+    check = checks.BoundCheck(
+        run="a", subject="flight", measure="n_z_min", sense=sense, bound=bound, value=value
+    )
+
+    assert check.margin == margin
+
+
+def test_envelopes_around_an_error_are_those_of_its_subject_and_run():
+    of = scenario(
+        {"at_most": {"chi": {"within": [[0.0, 30.0], [2.0, 1.0]], "peak_deg": 9.0}}},
+        {"at_most": {"gamma": {"within": [[0.0, 5.0]]}, "flight": {"n_z_max": 2.0}}},
+        {"gains": "K5", "at_most": {"chi": {"within": [[0.0, 7.0]]}}},
+    )
+    run = flown()
+    made_by = dataclasses.replace(run.provenance, scenario=of.as_dict())
+    run = dataclasses.replace(run, provenance=made_by)
+
+    (chi,), (gamma,) = (checks.envelopes(run, signal) for signal in ("chi_err", "gamma_err"))
+
+    # the course changes after 1 s
+    assert np.rad2deg(chi) == pytest.approx(np.where(T < 3.0 - 1e-9, 30.0, 1.0))
+    assert np.rad2deg(gamma) == pytest.approx(5.0)
+
+
 def test_expectations_hold_for_the_runs_they_name():
     wanted = scenario({"gains": "K5", "at_most": {"chi": {"peak_deg": 1.0}}})
     off = np.deg2rad(2.0)
@@ -131,6 +203,7 @@ def test_expectations_hold_for_the_runs_they_name():
     # gains that fly beside those that are judged may end early, where all requirements name gains
     early = [flown(gains="K5"), flown(status="left_envelope", reason="t = 3 s.")]
     assert short(checks.check_claim(wanted, early)) == "1 of 1 requirement met"
+    assert [count.requirements for count in checks.check_claim(wanted, early).counts] == [1, 0]
     assert (
         len(checks.check_claim(scenario(*wanted.expect, {"status": "completed"}), early).missed)
         == 1
