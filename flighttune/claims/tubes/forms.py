@@ -309,8 +309,7 @@ def up_to(size: FloatArray) -> Interval:
 def _square(values: Interval) -> Interval:
     product = values * values
     # The product of an interval with itself ignores that both factors are equal.
-    across = (values.low <= 0.0) & (values.high >= 0.0)
-    return Interval(np.where(across, 0.0, np.maximum(product.low, 0.0)), product.high)
+    return Interval(np.maximum(product.low, 0.0), product.high)
 
 
 def product(first: Quantity, second: Quantity) -> Form:
