@@ -14,6 +14,7 @@ from flown_campaigns import flown_here
 from scipy import stats
 
 import flighttune as ft
+from flighttune.base.files import code
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import scenario_of_run
@@ -612,6 +613,14 @@ def test_a_target_is_met_by_the_total_and_asks_for_flights_by_half_of_it():
     n = per_hour.healthy_flights_for(claim)
     spent = 1.0 - claim.bound.each
     assert (1.0 - epsilon) ** n <= spent < (1.0 - epsilon) ** (n - 1)
+    # flights of three hours: an epsilon above one half needs as many as one half
+    long = replace(hours(target=1.0).terms[0], end_s=(10_800.0,) * 300)
+    claim = replace(
+        hours(target=1.0), terms=(long, counted(0, 0, 1.0)),
+        plan={"nominal": {"flight": {"duration_s": 10_800.0}}},
+    )  # fmt: skip
+    n = per_hour.healthy_flights_for(claim)
+    assert 0.5**n <= 1.0 - claim.bound.each < 0.5 ** (n - 1)
 
 
 def test_the_healthy_flights_are_too_few_if_none_left_and_their_bound_exceeds_the_target():
@@ -753,11 +762,15 @@ def test_a_claim_has_the_flights_that_its_rates_state(terms, later):
 
 @pytest.fixture
 def again(monkeypatch):
-    """Flights that are flown again: their stage, runs and plan; each run has times of its own."""
+    """Flights that are flown again: their stage, runs, plan, alarms, and whether JSBSim flies.
+
+    Each run has times of its own.
+    """
     seen = []
 
     def flown(flights, pool, runs, _doing):
-        seen.append((pool.progress.stage, [*runs], flights.plan.campaign))
+        alarms, by_jsbsim = flights.leaving.alarms, code.BY_JSBSIM.get()
+        seen.append((pool.progress.stage, [*runs], flights.plan.campaign, alarms, by_jsbsim))
         after = flights.leaving.after_s or 0.0
         return [
             Left(NEVER if run % 2 else after + run, 20.0 + 0.25 * run, after, 0.0) for run in runs
@@ -792,17 +805,18 @@ def counted_again():
 )
 def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flown, missed):
     """A twentieth is forged: of 48 three, which three avoid by (45 44 43) / (48 47 46)."""
-    claim = counted_again()
+    claim = replace(counted_again(), alarms=WATCHED)
     again.clear()
 
     verified = ft.verify(claim, count=count, workers=1).verification
 
     assert verified.valid
     assert [stage for stage, *_ in again] == [f"stage {i} of 3, " for i in (1, 2, 3)]
-    assert tuple(len({*runs} & {*range(48)}) for _, runs, _ in again) == flown
-    assert all(runs == sorted(runs) for _, runs, _ in again)
+    assert tuple(len({*runs} & {*range(48)}) for _, runs, *_ in again) == flown
+    assert all(runs == sorted(runs) for _, runs, *_ in again)
+    assert all(tuple(by) == (WATCHED, True) for _, _, _, *by in again)
     # a fault comes within the longest healthy flight
-    drawn = [{x.key: x for x in campaign.disperse} for *_, campaign in again]
+    drawn = [{x.key: x for x in campaign.disperse} for _, _, campaign, *_ in again]
     assert [x["plant.airframe.fault.from_s"].upper for x in drawn[1:]] == [31.75, 31.75]
     *notes, last = verified.notes
     names = "Healthy flight", "Engine, cut after 1 s", "Engine, cut after 2 s"
@@ -847,3 +861,76 @@ def test_flights_of_an_aircraft_with_other_files_are_not_flown_again():
 
     assert not verified.valid
     assert "files of the aircraft must be those that were flown" in verified.reason
+
+
+@pytest.fixture
+def counting_terms(monkeypatch):
+    """The made-up flights of each term: kind, time of ending, window of the fault and budget."""
+    seen = []
+
+    def flown(flights, pool, runs, doing):
+        # the engine lets a flight leave if it is ended over 2.5 s after its failure
+        kind, after = doing.removeprefix("counting ").split(",")[0], flights.leaving.after_s
+        drawn = {x.key: x for x in flights.plan.campaign.disperse}
+        window_s = drawn[FROM_S].upper if FROM_S in drawn else None
+        budget = pool.progress.budget
+        if not seen or seen[-1] != (kind, after, window_s, budget):
+            seen.append((kind, after, window_s, budget))
+        left = 5.0 if kind == "engine" and after is not None and after > 2.5 else NEVER
+        return [Left(left, 20.0 + 0.01 * (run % 300), NEVER, NEVER) for run in runs]
+
+    monkeypatch.setattr(hourly_flights.TermFlights, "flown", flown)
+    return seen
+
+
+def count_of_two(target, ended_s=4.0, detected_s=1.5):
+    """A count of healthy flights and those with two faults, the second with the larger term."""
+    own = {} if ended_s is None else {"ended_s": ended_s, "detected_s": detected_s}
+    faults = [
+        {"kind": kind, "per_hour": rate, "source": "a log", "flights": 300, **more}
+        for kind, rate, more in (("aileron_stuck", 0.5, {"ended_s": 1.0}), ("engine", 1.0, own))
+    ]
+    table = {"flights": 2000, "target_per_hour": target, "fault": faults}
+    return per_hour.count_per_hour(
+        short_plan(), rates_keys.RatesTable.model_validate(table), box(1e4), alarms=WATCHED,
+        confidence=0.9, fliers=Fliers(workers=1),
+    )  # fmt: skip
+
+
+def test_later_endings_of_the_largest_fault_are_flown_from_its_detection_to_the_first_failure(
+    counting_terms,
+):
+    """A route of 300 m is flown 36 s at most, the longest flight takes 22.99 s."""
+    claim = count_of_two(1.0)
+
+    window_s = pytest.approx(22.99)
+    assert (claim.exposure.window_s, claim.exposure.cap_s) == (window_s, 36.0)
+    assert claim.alarms == WATCHED
+    assert counting_terms == [
+        ("healthy flight", None, None, 2600), ("aileron stuck", 1.0, window_s, 2600),
+        ("engine", 4.0, window_s, 2600), ("engine", 1.5, window_s, 2900),
+        ("engine", 2.0, window_s, 3200), ("engine", 3.0, window_s, 3500),
+    ]  # fmt: skip
+    assert [x.ended_s for x in claim.later] == [1.5, 2.0, 3.0]
+    assert claim.latest == ("engine", 2.0)
+    assert claim.bound.total > 1.0
+
+
+@pytest.mark.parametrize(("target", "ended_s"), [(0.3, 4.0), (1.0, None), (None, 4.0)])
+@pytest.mark.usefixtures("counting_terms")
+def test_no_later_ending_is_flown_where_none_could_be_early_enough(target, ended_s):
+    """The bound of healthy flights alone exceeds 0.3 an hour; a fault may have no ending."""
+    claim = count_of_two(target, ended_s)
+
+    assert claim.later == ()
+    assert claim.bound.healthy > 0.3
+
+
+@pytest.mark.usefixtures("counting_terms")
+def test_faults_that_the_aircraft_cannot_have_are_refused_before_they_are_counted():
+    plan = counting.drawn(ft.flights("circuit_in_wind", changes=SHORT).knowing("exact"))
+    with pytest.raises(ft.InputError, match="receiver_jump with exact navigation"):
+        per_hour.count_per_hour(
+            plan, rates(kind="receiver_jump", jump_m=(1.0, 2.0)), box(1e4), confidence=0.9,
+            fliers=Fliers(workers=1),
+        )  # fmt: skip
