@@ -79,6 +79,64 @@ def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
     assert path.slope.max() == pytest.approx(math.tan(6 * DEG))
 
 
+def test_a_small_corner_is_two_rolls_without_an_arc():
+    """Curvature grows at one rate and falls at it: the turn is the area of a triangle."""
+    path = plan(points((0, 0), (-900, 100), (-1800, 0)), ABILITY)
+    angle, rate = 2.0 * math.atan(1.0 / 9.0), 1.0 / (RADIUS * ROLLING)
+
+    _, turn, _ = path.stretches
+
+    assert turn.turn == pytest.approx(angle)
+    assert turn.length == pytest.approx(2.0 * math.sqrt(angle / rate))
+    assert turn.radius == pytest.approx(1.0 / math.sqrt(angle * rate))
+
+
+def test_a_climb_ends_in_the_middle_of_a_corner():
+    path = plan(points((0, 0), (1000, 0, 50), (1000, 1000, 50)), ABILITY)
+    leg, turn, level = path.stretches
+
+    rise = 50.0 / (leg.length + 0.5 * turn.length)
+    assert leg.gamma == pytest.approx(math.atan(rise))
+    assert turn.gamma == pytest.approx(math.atan(0.5 * rise))
+    assert level.gamma == 0.0
+    assert np.interp(leg.length, path.s, path.up) == pytest.approx(rise * leg.length)
+
+
+ROUND = points((0, 0), (700, 0), (735, 50), (700, 120), (0, 120), (-300, 100, 0, 1), (-330, 160))
+
+
+@pytest.mark.parametrize(("turned", "side"), [(2.9, 1.0), (-2.0, 1.0), (0.0, -1.0)])
+def test_a_route_that_is_turned_or_mirrored_has_the_same_lengths(turned, side):
+    c, s = math.cos(turned), math.sin(turned)
+    other = [
+        replace(
+            x, north=x.north * c - side * x.east * s, east=x.north * s + side * x.east * c,
+            turns=side * x.turns,
+        )
+        for x in ROUND
+    ]  # fmt: skip
+
+    path, again = plan(ROUND, AROUND), plan(other, AROUND)
+
+    assert len(around(path)) >= 3
+    assert [x.kind for x in again.stretches] == [x.kind for x in path.stretches]
+    lengths = [x.length for x in path.stretches]
+    assert [x.length for x in again.stretches] == pytest.approx(lengths, abs=1e-6)
+    for x in (0, 1, 2, 3, 4, 6):
+        assert distances(again, other[x]).min() <= 0.5  # half a step of the table
+
+
+def test_a_place_inside_of_circles_is_reached_from_them_by_a_turn_around():
+    circle = Waypoint(north=1500, east=0, turns=1.0, radius=200.0)
+    path = plan([*points((0, 0)), circle, *points((1500, 100), (300, 2000))], AROUND)
+    (loiter,) = (x for x in path.stretches if x.kind == "loiter")
+
+    assert [x.waypoint for x in around(path)] == [3]
+    assert distances(path, circle, loiter) == pytest.approx(200.0, abs=0.05)
+    assert distances(path, Waypoint(north=1500, east=100)).min() <= 0.5
+    assert distances(path, Waypoint(north=300, east=2000)).min() <= 0.5
+
+
 @pytest.mark.parametrize("V_a", [15.0, 25.0])
 def test_a_climb_begins_over_the_two_seconds_around_its_place(V_a):
     """The slope is that of the mean height over 2 s of flight: it grows evenly."""
@@ -126,6 +184,9 @@ def test_climbs_that_change_faster_than_the_load_factor_allows_are_refused():
 
     with pytest.raises(ft.InputError, match=r"waypoint 3 must .*9000"):
         plan([Waypoint(north=north, east=0.0, up=up) for up, north in heights], fast)
+    # a waypoint on a steady climb changes nothing, however near
+    steady = zip((0.0, 3000.0, 3100.0, 3100.0), (0.0, 9000.0, 9300.0, 30_000.0), strict=True)
+    plan([Waypoint(north=north, east=0.0, up=up) for up, north in steady], fast)
 
 
 AROUND = replace(ABILITY, turnaround=math.inf)
@@ -226,8 +287,9 @@ def test_a_corner_that_turns_back_is_flown_through_its_waypoint():
     [
         [*points((0, 0), (900, 0)), Waypoint(north=950, east=20, turns=-1.0, radius=200.0)],
         [*points((0, 0)), Waypoint(north=1.001 * RADIUS, east=0, turns=1.0, radius=RADIUS)],
+        [*points((0, 0), (900, 0)), Waypoint(north=900, east=0, turns=-1.0, radius=200.0)],
     ],
-    ids=["around the place before", "beside the start"],
+    ids=["around the place before", "beside the start", "at the place before"],
 )
 def test_a_circle_that_is_too_near_is_reached_by_a_turn_around(route):
     path = plan([*route, Waypoint(north=900, east=2000)], AROUND)
@@ -291,7 +353,8 @@ def test_a_leg_to_circles_that_climb_is_as_high_as_its_begin():
 def test_circles_take_the_height_by_five_degrees_at_most_and_by_what_the_aircraft_can(
     up, gamma, steepest
 ):
-    circle = Waypoint(north=1500, east=0, up=up, turns=1.0, radius=200.0, spiral=True)
+    # 80 s are 2000 m, fewer than the height takes
+    circle = Waypoint(north=1500, east=0, up=up, turns=1.0, radius=200.0, spiral=True, hold=80.0)
     ends = Waypoint(north=0, east=0), Waypoint(north=0, east=900, up=up)
     path = plan([ends[0], circle, ends[1]], replace(AROUND, gamma=gamma))
     leg, circles, _ = path.stretches
@@ -478,6 +541,45 @@ def test_a_turn_around_is_the_shortest_with_room_or_the_one_that_needs_least(par
     assert bool(inside) == (part != -1)
 
 
+@pytest.mark.parametrize("course", [0.4, 0.5, 0.2, 1.9, -2.0, 0.4 + math.pi])
+@pytest.mark.parametrize("beside", [(700.0, 5.0), (900.0, -300.0), (60.0, 20.0), (-400.0, 30.0)])
+def test_every_way_between_two_poses_goes_forward_and_ends_at_the_second(beside, course):
+    start = turns.Pose(7.0, -3.0, 0.4)
+    end = turns.Pose(*start.beside(*beside), course)
+    k = AROUND.curvature
+
+    ways = [*turns.ways(start, end, k, AROUND.rolling(k))]
+
+    assert ways
+    for way in ways:
+        x, y, turned = turns.curved(way)
+        assert start.beside(x, y) == pytest.approx((end.north, end.east), abs=1e-6)
+        assert math.remainder(start.course + turned - course, math.tau) == pytest.approx(0.0)
+        assert min(piece.length for piece in way) >= 0.0
+
+
+@pytest.mark.parametrize("curvature", [0.01, -0.01])
+@pytest.mark.parametrize(("share", "bearing"), [(1.001, 0.3), (1.5, -2.0), (4.0, 2.5), (0.999, 1)])
+def test_a_way_out_of_a_turn_ends_at_a_place_beyond_the_end_of_its_roll_out(
+    curvature, share, bearing
+):
+    """The roll-out of a circle begins on it, and ends where one back to it would begin."""
+    turning = turns.Pose(7.0, -3.0, 0.4)
+    ahead, right = turns.centre(0.01, 40.0)
+    north, east = turning.beside(0.0, 1.0 / curvature)
+    apart = share * math.hypot(ahead, right)
+    place = north + apart * math.cos(bearing), east + apart * math.sin(bearing)
+
+    way = turns.back_to(place, turning, curvature, 40.0)
+
+    assert bool(way) == (share > 1.0)
+    if way:
+        x, y, _ = turns.curved(way)
+        assert turning.beside(x, y) == pytest.approx(place, abs=1e-6)
+        assert min(piece.length for piece in way) >= 0.0
+        assert sum(abs(piece.length * piece.curvature) for piece in way) < math.tau + 0.4
+
+
 def test_the_distance_of_a_way_from_its_line_is_that_of_its_farthest_point():
     """A half circle of radius 50 m, whose ends are 100 m apart, and a circle back to its start."""
     half = [turns.Piece(50.0 * math.pi, 0.02, 0.02)]
@@ -493,6 +595,8 @@ def test_the_distance_of_a_way_from_its_line_is_that_of_its_farthest_point():
     assert turns.farthest(ahead, start, turns.Pose(*start.beside(50.0, 0.0), 0.4)) == pytest.approx(
         30.0, rel=1e-6
     )
+    behind = turns.Pose(*start.beside(-50.0, 0.0), 0.4)
+    assert turns.farthest(ahead, start, behind) == pytest.approx(80.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("turns", [0.02, -0.02])
