@@ -307,6 +307,55 @@ def test_values_within_a_sample_contain_the_response_and_little_more(lag):
     assert values.high[0] - values.low[0] <= 0.2 + 3.0 * DT * (np.abs(A[0]).sum() + B[0])
 
 
+def test_a_command_that_switches_halfway_bends_a_response_as_far_as_it_may():
+    """A lag of first order: down for half a sample and up again, nearly to where it began."""
+    rate, h = 0.5, 0.02
+    sampled = SampledLag.of(ft.loop.InnerLag(order=1, natural_frequency=rate), h)
+    half = np.exp(-0.5 * rate * h)
+    lowest = half - 1.0  # from 0 towards -1, then towards 1
+    at_end = 1.0 + half * (lowest - 1.0)
+    start, end = (intervals.Interval.point(np.array([x])) for x in (0.0, at_end))
+    either = intervals.Interval(np.array([-1.0]), np.array([1.0]))
+
+    values = sampled.values_within([start], end, either, h)
+
+    assert lowest - 4.0 * (rate * h) ** 2 <= values.low.item() <= lowest
+    assert -lowest <= values.high.item()
+
+
+@pytest.mark.parametrize("command", [1.0, -1.0])
+def test_a_response_that_moves_away_from_its_command_first_is_contained(command):
+    """It leaves 0 at 8 1/s, and turns within the sample."""
+    lag, h = ft.loop.InnerLag(order=2, natural_frequency=12.0, damping=0.6), 0.1
+    (A, B), sampled = lag.undelayed, SampledLag.of(lag, h)
+    first = -command * np.array([0.0, 8.0 / A[0, 1]])
+    still = command * sampled.rest
+    times = np.linspace(0.0, h, 50)
+    moved = np.array([(still + expm(A * t) @ (first - still))[0] for t in times])
+    start = [intervals.Interval.point(np.array([x])) for x in first]
+    end, sent = (intervals.Interval.point(np.array([x])) for x in (moved[-1], command))
+
+    values = sampled.values_within(start, end, sent, h)
+
+    assert B[0] == 0.0
+    assert (command * moved).min() < moved[-1] * command - 0.05
+    assert values.low.item() <= moved.min()
+    assert values.high.item() >= moved.max()
+
+
+@pytest.mark.parametrize("frequency", [12.0, 150.0])
+@pytest.mark.parametrize("h", [0.02, 0.1])
+def test_a_lag_is_sampled_to_the_last_digit(frequency, h):
+    """From 0 towards 1 and from 1 towards 0, even where 15 time constants are in a sample."""
+    sampled = SampledLag.of(ft.loop.InnerLag(order=1, natural_frequency=frequency), h)
+
+    x = frequency * h
+    kept, mean = np.exp(-x), -np.expm1(-x) / x
+    # No delay: the older command, in the middle, does not act.
+    assert sampled.transition[0] == pytest.approx([kept, 0.0, -np.expm1(-x)], rel=ROUNDING)
+    assert sampled.mean == pytest.approx([mean, 0.0, 1.0 - mean], rel=ROUNDING)
+
+
 def test_bounds_for_ever_are_of_the_tube_and_of_the_second_round():
     """A round begins in a box that is wider than the flights: the first one is left out."""
     passed = np.zeros((4, 4, 2))
