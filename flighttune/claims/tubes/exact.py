@@ -151,20 +151,27 @@ class ExactEnclosure(sample.Enclosure):
 
     def _check_plain(self, errors: Forms, a: Interval, b: Interval) -> None:
         """Stop if the law may do more than invert, which is not enclosed."""
-        law = self.loop.law.channels[1]
+        turning, law = self.loop.law.channels
         if not (b.low > self._law.lift_floor).all():
             raise Unbounded("the vertical lift wanted can be at its floor")
         # The largest load factor is enough for both lifts, or for b at the largest roll.
-        stop = max(abs(self.loop.law.channels[0].lower), self.loop.law.channels[0].upper)
+        stop = max(abs(turning.lower), turning.upper)
         together = (a.largest**2 + b.high**2) * UP
         steep = b.high * UP < law.upper * math.cos(min(stop, math.pi / 2))
         if not (steep | (together < law.upper**2)).all():
             raise Unbounded("the lift wanted can be more than the largest load factor")
         if not (a.largest < STEEPEST_ROLL * b.low).all():
             raise Unbounded("the roll wanted can be next to 90 deg")
-        climb = self._range(combined(*zip(law.K_P, errors, strict=True))).largest
-        if not (climb * self._speed * law.K_P[1] * UP < self._law.brake).all():
-            raise Unbounded("the path-angle error can be so large that the law brakes")
+        self._check_unbraked(1, "the path-angle error", self._law.brake, errors)
+        if self._law.turn_brake < math.inf:
+            self._check_unbraked(0, "the course error", self._law.turn_brake, errors)
+
+    def _check_unbraked(self, i: int, error: str, brake: float, errors: Forms) -> None:
+        """Stop if a rate wanted may be so large that the law brakes."""
+        law = self.loop.law.channels[i]
+        rate = self._range(combined(*zip(law.K_P, errors, strict=True))).largest
+        if not (rate * self._speed * law.K_P[i] * UP < brake).all():
+            raise Unbounded(f"{error} can be so large that the law brakes")
 
     def _towards(self, i: int, wanted: Form, before: Form, errors: Forms) -> sample.Channel:
         """A desired command, from the previous command."""
@@ -314,13 +321,6 @@ class FedBackEnclosure(ExactEnclosure):
 
     def _with_lack(self, k: float, expected: Form, measured: Form) -> Form:
         return combined((1.0 + k, expected), (-k, measured)).widened(sample.COMPUTED)
-
-    def _check_plain(self, errors: Forms, a: Interval, b: Interval) -> None:
-        super()._check_plain(errors, a, b)
-        law = self.loop.law.channels[0]
-        turn = self._range(combined(*zip(law.K_P, errors, strict=True))).largest
-        if not (turn * self._speed * law.K_P[0] * UP < self._law.turn_brake).all():
-            raise Unbounded("the course error can be so large that the law brakes")
 
     def _load(self, stage: sample.Controlled) -> Form:
         return stage.extra

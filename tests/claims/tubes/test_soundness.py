@@ -303,6 +303,29 @@ def test_one_piece_beyond_what_the_exact_law_inverts_stops_the_tube(
 
 
 @pytest.mark.parametrize(
+    ("error", "off", "feedback"),
+    [
+        ("course", {"chi_err_deg": 8.0, "gamma_deg": 15.0}, (0.0, 0.0)),
+        ("course", {"chi_err_deg": 8.0, "gamma_deg": 15.0}, (0.5, 0.3)),
+        ("path-angle", {"chi_err_deg": 0.0, "gamma_deg": 5.0}, (0.0, 0.0)),
+    ],
+)
+def test_a_law_that_brakes_is_not_taken_to_invert(error, off, feedback):
+    """Errors of 8 and 10 deg are too large for the first law, but not for one that brakes late."""
+    for braking in (0.05, 100.0):
+        law = {"name": "exact", "kind": "exact", "braking": braking, "brakes_turns": True}
+        plant = LAGS if any(feedback) else {"kind": "kinematic"}
+        scenario = with_exact(tube_scenario(**off, duration_s=0.04), plant, [law])
+        problem = tubes.stated_problem(scenario, replace(EXACT_PAPER, feedback=feedback))
+        found = tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+        signals, _ = disturbed_flight(problem)
+
+        brakes = f"the {error} error can be so large that the law brakes from t = 0.00 s on"
+        assert found.reason == (brakes if braking < 1.0 else "")
+        assert found.bounds.contain(signals)
+
+
+@pytest.mark.parametrize(
     ("excess", "reached"),
     [((-1.0, -0.5), (1.3, 1.3)), ((0.5, 1.0), (1.0, 1.0)), ((-1.0, 0.5), (1.0, 1.3))],
 )
