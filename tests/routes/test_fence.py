@@ -96,7 +96,8 @@ def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("first", "sag", "overlap", "right"), [(320, 0, 0, 40), (320, 5, 0, 35), (320, 0, 30, 25)]
+    ("first", "sag", "overlap", "right"),
+    [(320, 0, 0, 40), (320, 5, 0, 35), (312, 5, 0, 20), (320, 0, 30, 25)],
 )
 def test_the_sag_of_edges_and_the_overlap_of_windows_take_room(
     tmp_path, first, sag, overlap, right
@@ -108,6 +109,31 @@ def test_the_sag_of_edges_and_the_overlap_of_windows_take_room(
     room = fences.room_along(sagging, leg, np.array([first, 500.0]), widest=50.0, overlap=overlap)
 
     assert room.limits[0, 0, 1] == pytest.approx(right, abs=fences.SCAN_STEP)
+
+
+@pytest.mark.parametrize(("climb", "below", "above"), [(40.0, 20.0, 10.0), (-15.0, 5.0, 50.0)])
+def test_heights_between_the_places_of_a_scan_take_room(tmp_path, climb, below, above):
+    """Half a step of a slope is kept from floor and ceiling, -20 and 50 m."""
+    end = Waypoint(north=800.0, east=0.0, up=2.0 * climb)
+    leg = plan([Waypoint(north=0.0, east=0.0), end], ABILITY)
+    file = fence_file(tmp_path / "f.geojson", BOX, min_up_m=-20.0, max_up_m=50.0)
+    room = fences.room_along(
+        fences.read_fence(file, ORIGIN), leg, np.array([0.0, 400.0]), widest=50.0, overlap=0.0
+    )
+
+    half = 0.5 * fences.SCAN_STEP * abs(climb) / 400.0
+    assert room.limits[0, 1] == pytest.approx([above - half, below - half], abs=1e-6)
+
+
+def test_a_zone_beyond_the_end_of_a_path_takes_room_within_the_overlap(tmp_path):
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
+    zone = ((804.0, 25.0), (814.0, 25.0), (814.0, 35.0), (804.0, 35.0))
+    fence = fences.read_fence(fence_file(tmp_path / "f.geojson", BOX, zone), ORIGIN)
+    for overlap, right, edges in ((0.0, 40.0, 4), (6.0, 25.0, 0)):
+        room = fences.room_along(fence, leg, np.array([500.0, 800.0]), widest=50.0, overlap=overlap)
+        assert room.limits[0, 0, 1] == pytest.approx(right, abs=fences.SCAN_STEP)
+        assert room.edges[0, 0, 1].endswith("of zone 1") is (edges == 0)
+        assert room.along.max() <= 800.0
 
 
 @pytest.mark.parametrize("turns", [1.0, -1.0])
@@ -205,6 +231,10 @@ def test_the_fence_of_a_plan_is_to_stay_in_some_areas_and_out_of_others(tmp_path
 
     expected = np.array([[30, 40], [30, 25], [30, 40]])
     assert limits_of(file) == pytest.approx(expected, abs=fences.SCAN_STEP)
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
+    nearest = fences.read_fence(file, ORIGIN).nearest(leg)
+    assert nearest["margin_m"] == pytest.approx(25.0, abs=fences.SCAN_STEP)
+    assert nearest["leaves_m"] is None
 
 
 def test_circles_of_a_plan_are_on_the_safe_side_by_a_thousandth_of_their_radius(tmp_path):
@@ -257,6 +287,31 @@ def test_the_highest_of_several_floors_and_the_lowest_ceiling_hold(tmp_path):
     for files in ((deep, high), (high, deep)):
         fence = fences.read_fence(deep, ORIGIN, fences.fence_tables(files))
         assert (fence.low, fence.high) == (-5.0, 60.0)
+    level = fences.read_fence(fence_file(tmp_path / "c.geojson", BOX, min_up_m=0.0), ORIGIN)
+    assert (level.low, level.high) == (0.0, np.inf)
+
+
+def round_corners(number):
+    """So many corners around the leg from the start to 800 m north."""
+    angles = np.arange(number) * (np.pi * 2.0 / number)
+    return np.column_stack([400.0 + 900.0 * np.cos(angles), 900.0 * np.sin(angles)])
+
+
+def test_a_fence_has_at_most_a_thousand_edges(tmp_path):
+    many, most, others = map(round_corners, (1001, 600, 401))
+    far = [[8.0, 47.0], [68.0, 47.0], [68.0, 80.0], [8.0, 80.0]]  # tens of km of sag
+    long = tmp_path / "long.geojson"
+    long.write_text(json.dumps({"type": "Polygon", "coordinates": [[*far, far[0]]]}))
+    for file in (
+        fence_file(tmp_path / "many.geojson", many),
+        fence_file(tmp_path / "zone.geojson", most, 0.01 * others + [-300.0, 0.0]),
+        long,
+    ):
+        with pytest.raises(ft.InputError, match="at most 1000 edges"):
+            fences.read_fence(file, (47.0, 8.0))
+    for areas in ({"polygons": [(True, many.tolist())]}, {"circles": [(False, (0, 0), 9.0)] * 334}):
+        with pytest.raises(ft.InputError, match="at most 1000 edges"):
+            fences.fence_tables([plan_with(tmp_path / "m.plan", **areas)])
 
 
 @pytest.mark.parametrize(
@@ -298,6 +353,8 @@ def test_px4_stays_inside_at_least_one_area_and_ardupilot_inside_all(tmp_path, o
         fence(3, BOX, ahead)
     with pytest.raises(ft.InputError, match=r"areas .* must overlap"):
         fence(12, BOX, apart)
+    with pytest.raises(ft.InputError, match=r"must not cross, got edge 1 of area 2 and edge 3"):
+        fence(12, BOX, [BOX[0], BOX[2], BOX[1], BOX[3]])
     # four areas around a hole, which is in none of them
     west, east = ([(-50, e), (-50, e + 50), (900, e + 50), (900, e)] for e in (-30, 60))
     south, north = ([(n, -30), (n, 110), (n + 400, 110), (n + 400, -30)] for n in (-50, 500))
@@ -344,6 +401,8 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
         assert (np.abs(off)[on] <= fence.sag[edge][on] + 0.001).any()
 
     assert fence.sag.max() <= 0.05
+    # and no part is needless: the sag falls with the square of their number
+    assert fence.sag[edge].max() * (sum(edge) / (sum(edge) - 1.0)) ** 2 > 0.05
     assert fence.names[-2:] == ("ceiling", "floor")
 
 
@@ -619,6 +678,10 @@ def test_properties_of_other_programs_say_nothing_about_a_fence(tmp_path):
         ([[(n + 90.0, e) for n, e in BOX]], {}, "the start must be inside"),
         ([BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]], {}, "the start must be inside"),
         ([BOX], {"min_up_m": 50.0, "max_up_m": -9.0}, "got 50 and -9"),
+        ([BOX], {"min_up_m": 5.0, "max_up_m": 50.0}, "got 5 and 50"),
+        ([BOX], {"max_up_m": -5.0}, "got -inf and -5"),
+        ([BOX], {"min_up_m": 0.0, "max_up_m": 0.0}, "got 0 and 0"),
+        ([BOX], {"exclusion": True, "max_up_m": 50.0}, "must be absent of an area to stay out"),
         ([BOX], {"exclusion": "false"}, "`exclusion` must be true or false, got 'false'"),
         ([BOX], {"max_up_m": float("nan")}, "`max_up_m` must be a number, got nan"),
         ([BOX], {"max_up_m": 50.0, "maxAltitude": 30.0}, "got 'maxAltitude'"),
