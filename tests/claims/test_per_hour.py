@@ -37,7 +37,7 @@ RIGHT, LEFT = (
     {
         "route.waypoint": [
             {"north_m": n, "east_m": side * e, "up_m": up}
-            for n, e, up in ((0, 0, 0), (900, 0, 20), (900, 500, 20), (50, 500, 0))
+            for n, e, up in ((0, 0, 0), (2400, 0, 20), (2400, 2400, 20), (50, 2400, 0))
         ]
     }
     for side in (1.0, -1.0)
@@ -111,14 +111,26 @@ def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
 
 @pytest.mark.slow
 def test_a_surface_cannot_be_stuck_beyond_its_travel():
-    with pytest.raises(ft.InputError, match=r"`stuck_deg` of aileron_stuck must lie in the travel"):
-        hourly_flights.check_rates(short_plan(), rates(kind="aileron_stuck", stuck_deg=[0.0, 40.0]))
+    plan = short_plan()
+    for range_deg in ([0.0, 40.0], [-40.0, 0.0]):
+        stuck = rates(kind="aileron_stuck", stuck_deg=range_deg)
+        with pytest.raises(ft.InputError, match=r"`stuck_deg` of aileron_stuck must lie in the tr"):
+            hourly_flights.check_rates(plan, stuck)
+    faulty = short_plan({**SHORT, "plant.airframe.fault": {"from_s": 2.0}})
+    with pytest.raises(ft.InputError, match="without a fault of their own"):
+        hourly_flights.check_rates(faulty, rates())
 
 
-def test_a_law_that_does_not_hold_the_airspeed_cannot_glide():
-    table = rates_keys.RatesTable.model_validate(
-        {**rates().model_dump(), "ending": {"kind": "glide"}}
-    )
+@pytest.mark.parametrize(
+    ("kind", "of_faults"), [("glide", [{}]), ("glide", ["circle"]), ("cut", ["circle", "glide"])]
+)
+def test_a_law_that_does_not_hold_the_airspeed_cannot_glide(kind, of_faults):
+    (fault,) = rates().model_dump(exclude_none=True)["fault"]
+    faults = [
+        {**fault, "kind": name, **({"ending": how, "ended_s": 2.0} if how else {})}
+        for name, how in zip(("engine", "link_lost"), of_faults, strict=False)
+    ]
+    table = rates_keys.RatesTable.model_validate({"fault": faults, "ending": {"kind": kind}})
     with pytest.raises(ft.InputError, match="`speed_priority` must be true"):
         hourly_flights.check_rates(short_plan(), table)
 
@@ -220,11 +232,14 @@ def test_a_flight_has_time_for_its_ending_from_every_place(how, legs):
     given = planned.flight.duration_s - flights.plan.scenario.flight.duration_s
     path, tables = planned_route(flights.plan.scenario).reference.path, planned.as_dict()
 
+    lengths = []
     for at_m in np.linspace(0.0, path.length, 7).tolist():
         for side in (-1, 1):
             tables["route"]["ending"] |= {"at_m": at_m, "side": side}
             ended = planned_route(ft.scenario_from(tables)).reference.path.length - at_m
             assert given >= 1.9 * ended / 25.0, (at_m, side)  # 2 to a twentieth between places
+            lengths.append(ended)
+    assert given <= 2.1 * max(lengths) / 25.0 + 2.0
 
 
 @pytest.mark.soak
@@ -487,6 +502,19 @@ def test_flights_that_are_inside_at_their_ending_fly_again_as_they_end(how, alar
         assert {**drawn, **stated} == drawn
         assert (hourly_flights.ENDED_AT_M in drawn) == (hourly_flights.ENDED_AT_M in stated)
     assert pool.progress.budget == 10 + len(runs)
+
+
+def test_flights_that_nothing_ends_are_flown_once():
+    flights = hourly_flights.Ends(plan=short_plan(), rates=rates(), volume=box(1e4), alarms=None)
+
+    def rows(plan, runs, draws, **options):
+        assert draws is None
+        return [{"run": run, "left": [NEVER, 9.0 + run, NEVER, NEVER]} for run in runs]
+
+    with flown_here(rows) as pool:
+        flown = flights.term(None, None, 0.0).flown(pool, [2, 5], "counting")
+
+    assert [x.end_s for x in flown] == [11.0, 14.0]
 
 
 def test_flights_of_a_term_are_counted_from_their_times():
@@ -865,7 +893,7 @@ def test_flights_of_an_aircraft_with_other_files_are_not_flown_again():
 
 @pytest.fixture
 def counting_terms(monkeypatch):
-    """The made-up flights of each term: kind, time of ending, window of the fault and budget."""
+    """The made-up flights of each term: kind, time of ending, window, budget, and seed."""
     seen = []
 
     def flown(flights, pool, runs, doing):
@@ -873,9 +901,9 @@ def counting_terms(monkeypatch):
         kind, after = doing.removeprefix("counting ").split(",")[0], flights.leaving.after_s
         drawn = {x.key: x for x in flights.plan.campaign.disperse}
         window_s = drawn[FROM_S].upper if FROM_S in drawn else None
-        budget = pool.progress.budget
-        if not seen or seen[-1] != (kind, after, window_s, budget):
-            seen.append((kind, after, window_s, budget))
+        term = kind, after, window_s, pool.progress.budget, flights.plan.campaign.seed
+        if not seen or seen[-1] != term:
+            seen.append(term)
         left = 5.0 if kind == "engine" and after is not None and after > 2.5 else NEVER
         return [Left(left, 20.0 + 0.01 * (run % 300), NEVER, NEVER) for run in runs]
 
@@ -903,13 +931,14 @@ def test_later_endings_of_the_largest_fault_are_flown_from_its_detection_to_the_
     """A route of 300 m is flown 36 s at most, the longest flight takes 22.99 s."""
     claim = count_of_two(1.0)
 
-    window_s = pytest.approx(22.99)
+    window_s, seed = pytest.approx(22.99), short_plan().campaign.seed
     assert (claim.exposure.window_s, claim.exposure.cap_s) == (window_s, 36.0)
     assert claim.alarms == WATCHED
     assert counting_terms == [
-        ("healthy flight", None, None, 2600), ("aileron stuck", 1.0, window_s, 2600),
-        ("engine", 4.0, window_s, 2600), ("engine", 1.5, window_s, 2900),
-        ("engine", 2.0, window_s, 3200), ("engine", 3.0, window_s, 3500),
+        ("healthy flight", None, None, 2600, seed + 1),
+        ("aileron stuck", 1.0, window_s, 2600, seed + 2),
+        ("engine", 4.0, window_s, 2600, seed + 3), ("engine", 1.5, window_s, 2900, seed + 3),
+        ("engine", 2.0, window_s, 3200, seed + 3), ("engine", 3.0, window_s, 3500, seed + 3),
     ]  # fmt: skip
     assert [x.ended_s for x in claim.later] == [1.5, 2.0, 3.0]
     assert claim.latest == ("engine", 2.0)
