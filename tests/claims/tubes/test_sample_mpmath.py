@@ -3,6 +3,8 @@
 The symbols of the set before the sample are kept; only those that the sample adds are slack.
 """
 
+from dataclasses import replace
+
 import mpmath
 import numpy as np
 import pytest
@@ -19,8 +21,12 @@ from tests.claims.tubes.test_membership import KINEMATIC, POINT, with_law
 DIGITS = 30
 D = 0.01  # rad/s
 
-# Half widths of a box: course, path angle, roll, lift, two integrals, two errors (rad and 1).
-WIDTHS = np.array([0.02, 0.02, 0.02, 0.04, 0.01, 0.01, 0.02, 0.02])
+# Half widths of a box: course, path angle, roll, lift, two integrals, two errors (rad and 1), and
+# with feedback the expected commands
+WIDTHS = np.array([0.02, 0.02, 0.02, 0.04, 0.01, 0.01, 0.02, 0.02, 0.02, 0.04])
+
+# Planned commands (rad and 1) and rates of the reference (rad/s), whichever the law follows
+AHEAD = np.array([0.02, -0.01, 0.03, -0.02])
 
 
 @pytest.fixture
@@ -49,6 +55,7 @@ def by_the_paper_s_law(loop, x, e):
     for i, law in enumerate(loop.law.channels):
         increment = dot(law.K_I_half, [a + b for a, b in zip(e, x[6:8], strict=True)])
         without = (ahead / mp.cos(x[2]) if i else 0) + dot(law.K_P, e) + x[4 + i]
+        without += mpf(float(loop.reference[1, 2 + i]))
         command = limited(without + increment, in_force[i], law)
         if (without + increment - command) * increment > 0:
             # Of an increment outwards only what reaches the limit is taken.
@@ -56,31 +63,39 @@ def by_the_paper_s_law(loop, x, e):
             increment = spare if spare * increment > 0 else mpf(0)
         commands.append(command)
         integrals.append(x[4 + i] + increment)
-    return commands, integrals, commands[1] - ahead / mp.cos(commands[0])
+    return commands, integrals, commands[1] - ahead / mp.cos(commands[0]), []
 
 
 def by_the_exact_law(loop, x, e):
-    roll_law, load_law = loop.law.channels
+    laws = roll_law, load_law = loop.law.channels
     speed, level = mpf(loop.V_a * loop.law.inverts.per_g), mp.cos(x[1])
-    turn, climb = (dot(law.K_P, e) + x[4 + i] for i, law in enumerate(loop.law.channels))
+    turn, climb = (
+        dot(law.K_P, e) + x[4 + i] + mpf(float(loop.reference[1, 4 + i]))
+        for i, law in enumerate(laws)
+    )
     a, b = speed * level * turn, speed * climb + level
-    wanted = mp.atan2(a, b)
-    phi = limited(wanted, x[2], roll_law)
-    load = b / mp.cos(phi)
-    n_z = limited(load, x[3] / mp.cos(x[2]), load_law)
-    free = wanted == phi, load == n_z
-    integrals = [
-        x[4 + i] + (dot(law.K_I_half, e) if free[i] else 0)
-        for i, law in enumerate((roll_law, load_law))
-    ]
-    return [phi, n_z], integrals, n_z * mp.cos(phi)
+    fed_back = loop.law.feeds_back
+    before = x[8:] if fed_back else [x[2], x[3] / mp.cos(x[2])]
+    wanted = [mp.atan2(a, b)]
+    commands = [limited(wanted[0], before[0], roll_law)]
+    wanted.append(b / mp.cos(commands[0]))
+    commands.append(limited(wanted[1], before[1], load_law))
+    free, expected = [a == b for a, b in zip(wanted, commands, strict=True)], []
+    if fed_back:
+        # The plant follows at once: what is measured is the command in force.
+        expected, of = commands, zip(loop.law.inverts.feedback, commands, x[2:4], strict=True)
+        wanted = [u + mpf(k) * (u - seen) for k, u, seen in of]
+        commands = [limited(*one) for one in zip(wanted, x[2:4], laws, strict=True)]
+        free = [f and a == b for f, a, b in zip(free, wanted, commands, strict=True)]
+    integrals = [x[4 + i] + (dot(law.K_I_half, e) if free[i] else 0) for i, law in enumerate(laws)]
+    return commands, integrals, commands[1] * (1 if fed_back else mp.cos(commands[0])), expected
 
 
 def flown(loop, x, d):
     """The whole state a sample later."""
     e = [mpf(float(loop.reference[1, 0])) - x[0], mpf(float(loop.reference[1, 1])) - x[1]]
     law = by_the_exact_law if loop.law.inverts else by_the_paper_s_law
-    (phi, n_z), integrals, extra = law(loop, x, e)
+    (phi, n_z), integrals, extra, expected = law(loop, x, e)
     h, rate = mpf(loop.dt), mpf(loop.g_over_v)
     # With T = tan(gamma/2) the climb is T' = p + q T^2, which has a closed form.
     lift = rate * n_z * mp.cos(phi) + d[1]
@@ -102,30 +117,39 @@ def flown(loop, x, d):
     else:
         turning = mp.tan(phi)
     chi = x[0] + h * (rate * turning + d[0])
-    return [chi, 2 * mp.atan(half_tangent(h)), phi, extra, *integrals, *e]
+    return [chi, 2 * mp.atan(half_tangent(h)), phi, extra, *integrals, *e, *expected]
 
 
-def boxed(centre, rng):
-    """A set about a state: as many symbols as rows, mixed a little, and errors of rounding."""
-    pieces = Pieces(centre[np.newaxis], CONSTRAINTS, 120)
-    mixed = np.eye(STATES) + 0.2 * rng.uniform(-1.0, 1.0, (STATES, STATES))
-    size = rng.choice([1.0, 0.3, 0.03, 0.0])
-    pieces.values[0, :STATES, 1 : 1 + STATES] = size * WIDTHS[:, np.newaxis] * mixed
-    pieces.used = STATES
+def boxed(centres, rng):
+    """Sets about states: as many symbols as rows, mixed a little, and errors of rounding."""
+    count, n = centres.shape
+    pieces = Pieces(centres, CONSTRAINTS, 120)
+    mixed = np.eye(n) + 0.2 * rng.uniform(-1.0, 1.0, (count, n, n))
+    size = rng.choice([1.0, 0.3, 0.03, 0.0], (count, 1, 1))
+    pieces.values[:, :n, 1 : 1 + n] = size * WIDTHS[:n, np.newaxis] * mixed
+    pieces.used = n
     return pieces
 
 
 @pytest.mark.parametrize(
-    ("boxes", "points"), [(6, 4), pytest.param(25, 16, marks=pytest.mark.counts)]
+    ("boxes", "points"), [(8, 4), pytest.param(25, 16, marks=pytest.mark.counts)]
 )
-@pytest.mark.parametrize(("exact", "plant"), [(False, KINEMATIC), (True, POINT), (True, KINEMATIC)])
+@pytest.mark.parametrize(
+    ("exact", "plant"),
+    [(False, KINEMATIC), (True, POINT), (True, KINEMATIC), ("fed back", KINEMATIC)],
+)
 @pytest.mark.usefixtures("thirty_digits")
 def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
     scenario, gains = with_law(
-        plant, exact=exact, chi_err_deg=0.0, gamma_deg=10.0, gamma_ref_deg=10.0
+        plant, exact=bool(exact), chi_err_deg=0.0, gamma_deg=10.0, gamma_ref_deg=10.0
     )
     loop = stated_problem(scenario, gains, disturbance=D).loop
-    rng, outside, met = np.random.default_rng(5), [], np.zeros(2, dtype=bool)
+    columns = sample_module.RATES if exact else sample_module.PLANNED
+    loop.reference[:, columns] = AHEAD[2:] if exact else AHEAD[:2]
+    if exact == "fed back":
+        inverts = loop.law.inverts._replace(feedback=(0.5, 0.3))
+        loop = replace(loop, law=loop.law._replace(inverts=inverts))
+    rng, outside, centres, n = np.random.default_rng(5), [], [], loop.rows
     for _ in range(boxes):
         phi, error = rng.uniform(-0.5, 0.5), rng.uniform(-0.03, 0.03, 2)
         chi, gamma = -error[0], loop.reference[1, 1] - error[1]
@@ -133,24 +157,26 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
         # Near the commands wanted: some flights of a box are limited and some are not.
         integral = np.array([loop.g_over_v * np.tan(phi), 0.0]) if exact else np.array([phi, 0.0])
         integral = integral - [np.array(law.K_P) @ error for law in loop.law.channels]
-        centre = np.array([chi, gamma, phi, lift, *integral, *error])
-        pieces = boxed(centre, rng)
-        before = pieces.values[0, :STATES, : 1 + STATES].copy()
-        _, limited = enclosure_of(loop, pieces, Search(loop)).sample(1)
-        met |= limited
-        after, err = pieces.values[0, :STATES], pieces.err[0, :STATES]
-        slack = np.abs(after[:, 1 + STATES :]).sum(axis=1) + err
+        integral = integral - loop.reference[1, columns]
+        extra = lift / np.cos(phi) if exact == "fed back" else lift
+        expected = [phi, lift / np.cos(phi)][: n - STATES]
+        centres.append([chi, gamma, phi, extra, *integral, *error, *expected])
+    pieces = boxed(np.array(centres), rng)
+    sets = pieces.values[:, :n, : 1 + n].copy()
+    _, met = enclosure_of(loop, pieces, Search(loop)).sample(1)
+    slack = np.abs(pieces.values[:, :n, 1 + n :]).sum(axis=2) + pieces.err[:, :n]
+    for before, after, more in zip(sets, pieces.values[:, :n, : 1 + n], slack, strict=True):
         for i in range(points):
-            xi = rng.uniform(-1.0, 1.0, STATES)
+            xi = rng.uniform(-1.0, 1.0, n)
             xi = np.sign(xi) if i % 2 else xi
             exactly = [mpf(1), *map(mpf, xi.tolist())]
             d = [mpf(D) * int(sign) for sign in rng.choice([-1, 1], 2)]
             x = [dot(row, exactly) for row in before]
             off = [
-                abs(value - dot(row[: 1 + STATES], exactly))
+                abs(value - dot(row, exactly))
                 for value, row in zip(flown(loop, x, d), after, strict=True)
             ]
-            outside.append([float(a - mpf(float(b))) for a, b in zip(off, slack, strict=True)])
+            outside.append([float(a - mpf(float(b))) for a, b in zip(off, more, strict=True)])
     assert met.all()
     assert len(outside) == boxes * points
     assert np.max(outside) <= 0.0
