@@ -402,3 +402,166 @@ def test_beyond_the_last_point_of_a_path_its_last_metres_go_on():
         for column in range(len(follow.COLUMNS))
     ]
     assert columns == pytest.approx([north, east, course, curvature, up, slope])
+
+
+ABILITY = Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), g=9.81)
+
+
+def route_of(*waypoints, **more):
+    return follow.RouteReference(
+        path=plan(waypoints, ABILITY), V_a=25.0, look_ahead=3.0, g=9.81, **more
+    )
+
+
+def measured(place, h, chi=0.0, gamma=0.0, **more):
+    state = {"phi": 0.0, "n_z": 1.0, "wind": None} | more
+    return ft.loop.Measured(chi, gamma, 25.0, position=(*place, 0.0), h=h, **state)
+
+
+def seen_from(reference, along, *last, lead=(0.0, 0.0)):
+    """What is asked at the last of samples, which follow a flight from a distance along a route."""
+    follower = reference.follower(0.02, 1000.0, lead)
+    for s in np.arange(0.0, along, 10.0).tolist():
+        north, east, up = reference.path.beside(np.array([s]))[0].tolist()
+        follower(measured((north, east), 1000.0 + up))
+    return follower(*last)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("beside", [30.0, -30.0, 370.0])
+def test_beside_a_circle_the_course_turns_with_the_nearest_point_of_it(side, beside):
+    """North of the centre of a circle of 400 m, at 22 m/s over ground, 0.1 rad off its tangent."""
+    circle = Waypoint(north=0.0, east=0.0, turns=2.0 * side, radius=400.0)
+    reference = route_of(Waypoint(north=-1500.0, east=0.0), circle)
+    path = reference.path
+    top = next(i for i in range(1500, len(path.s)) if path.north[i] > 399.999)
+    north = 400.0 - side * beside  # to the right of a clockwise circle is its inside
+    chi = path.course[top] + 0.1
+    here = measured((north, path.east[top]), 1008.0, chi=chi, gamma=0.05, V_g=22.0)
+
+    ref, place = seen_from(reference, path.s[top] - 5.0, here)
+
+    assert place[1:] == pytest.approx((beside, -8.0), abs=0.01)
+    forward = 22.0 * math.cos(0.1) / max(1.0 - side * beside / 400.0, 0.2)
+    across, below = beside / 66.0, -8.0 / 66.0
+    assert ref.chi == pytest.approx(chi - 0.1 - math.atan(across), abs=1e-3)
+    assert ref.gamma == pytest.approx(math.atan(below), abs=1e-4)
+    turning = side * forward / 400.0
+    assert ref.chi_dot == pytest.approx(
+        turning - 22.0 * math.sin(0.1) / (66.0 * (1.0 + across**2)), abs=1e-4
+    )
+    assert ref.gamma_dot == pytest.approx(-22.0 * math.tan(0.05) / (66.0 * (1.0 + below**2)))
+    assert ref.planned[0] == pytest.approx(math.atan(turning * 25.0 / 9.81), abs=1e-4)
+    assert ref.planned[1] == pytest.approx(math.cos(ref.gamma))
+
+
+@pytest.mark.parametrize("lead", [0.0, 0.6])
+@pytest.mark.parametrize("wind", [None, (6.0, 0.0, 0.0)])
+def test_roll_and_lift_are_planned_for_the_place_of_their_lead(lead, wind):
+    """On a roll-in curvature grows evenly, and so does the slope in the 2 s about a climb."""
+    corner = route_of(*(Waypoint(north=n, east=e) for n, e in ((0, 0), (1000, 0), (1000, 1000))))
+    climb = route_of(
+        *(Waypoint(north=n, east=0.0, up=up) for n, up in ((0, 0), (1000, 0), (2000, 100)))
+    )
+    leg, turn = corner.path.stretches[:2]
+    rolled, begun = math.floor(leg.length) + 10.0, 1000.0 - 30.0
+    places = [reference.path.beside(np.array([s]))[0] for reference, s in
+              ((corner, rolled), (climb, begun))]  # fmt: skip
+    course = float(np.interp(rolled, corner.path.s, corner.path.course))
+
+    turned, climbed = (
+        seen_from(
+            reference,
+            s,
+            measured(at[:2], 1000.0 + at[2], V_g=25.0, wind=wind, phi=0.3, chi=chi),
+            lead=(lead, lead),
+        )[0]
+        for reference, s, at, chi in zip(
+            (corner, climb), (rolled, begun), places, (course, 0.0), strict=True
+        )
+    )
+
+    k = (rolled + 25.0 * lead - leg.length) / (turn.radius * ABILITY.rolling(1.0 / turn.radius))
+    per_g = (25.0 if wind is None else 31.0) / 9.81
+    assert turned.planned[0] == pytest.approx(math.atan(k * 25.0 * per_g), rel=0.01)
+    bend = 0.1 / 50.0 * (lead > 0.0)  # 5 m before the 2 s begin without a lead, and 10 m later
+    lift = math.cos(climbed.gamma) + bend * 25.0 * per_g
+    assert climbed.planned[1] == pytest.approx(lift / math.cos(0.3), rel=1e-3)
+
+
+def test_an_airspeed_that_changes_is_asked_for_with_its_rate_along_the_route():
+    """From the turn on 30 m/s, then 20 m/s; twice 0.05 g are added to V^2 in each metre."""
+    places = ((0, 0), (600, 0), (600, 1200), (1800, 1200))
+    path = plan([Waypoint(north=n, east=e) for n, e in places], ABILITY)
+    ends = [x.start + x.length for x in path.stretches if x.kind == "turn"]
+    V = follow.airspeeds_along(path, 25.0, {3: 20.0, 2: 30.0}, 9.81)
+    reference = follow.RouteReference(path=path, V_a=30.0, look_ahead=3.0, g=9.81, airspeeds=V)
+
+    first, second = (path.s - math.ceil(end) for end in ends)
+    grown = np.sqrt(np.clip(625.0 + 0.981 * np.clip(first, 0.0, None), None, 900.0))
+    fallen = np.sqrt(np.clip(900.0 - 0.981 * np.clip(second, 0.0, None), 400.0, None))
+    assert V == pytest.approx(np.minimum(grown, fallen), abs=1e-9)
+
+    at = math.ceil(ends[0]) + 40.5
+    north, east, _ = path.beside(np.array([at]))[0]
+    course = float(np.interp(at, path.s, path.course))
+    ref, _ = seen_from(reference, at, measured((north, east), 1000.0, chi=course, V_g=28.0))
+
+    assert ref.V == pytest.approx(math.sqrt(625.0 + 0.981 * 40.5), abs=1e-3)
+    assert ref.V_dot == pytest.approx(0.0981 * 5.0 / ref.V * 28.0, rel=1e-3)
+    beyond, _ = seen_from(
+        reference, path.s[-1] + 50.0, measured(path.beside(path.s[-1:])[0][:2], 0)
+    )
+    assert beyond.V == pytest.approx(20.0)
+    # in still air the middle of the second turn is reached after so long
+    middle = math.floor(ends[1] - 0.5 * path.stretches[3].length)
+    course, _ = reference.sampled(np.array([np.sum(1.0 / V[:middle])]))
+    assert course == pytest.approx(path.course[middle], abs=1e-6)
+
+
+def test_a_place_is_told_apart_from_where_an_aircraft_takes_itself_to_be():
+    follower = route_of(Waypoint(north=0, east=0), Waypoint(north=900, east=0)).follower(
+        0.1, 1000.0
+    )
+    follower(measured((50.0, 0.0), 1000.0))
+
+    assert follower.placed(20.0, -3.0, 1004.0) == pytest.approx((20.0, -3.0, -4.0))
+    assert follower.placed(-8.0, -6.0, 999.0) == pytest.approx((0.0, -10.0, 1.0))
+    ref, place = follower(measured((-4.0, 3.0), 1000.0, V_g=0.0))
+    assert place == pytest.approx((0.0, 5.0, 0.0))
+    assert ref.chi == pytest.approx(-math.atan(3.0 / (1.0 * 3.0)))  # 1 m/s at least
+
+
+@pytest.mark.parametrize("wind", [None, (0.0, 0.0, 0.0), (4.0, 3.0, -1.0)])
+@pytest.mark.parametrize(
+    ("holds", "V_a", "least", "rate"),
+    [(None, 21.0, 0.95 * 22.0, 0.35 / 9.81), (24.0, 21.2, 0.875 * 24.0, 1.5 / 24.0)],
+)
+def test_a_path_angle_gives_way_to_what_the_engines_sustain(holds, V_a, least, rate, wind):
+    """The largest n_x and what the airspeed may yet fall are the steepest climb through the air."""
+    priority = follow.AirspeedPriority(holds, 9.81, 0.1)
+    seen = measured((0.0, 0.0), 0.0, wind=wind, n_x=(0.02, -0.1, 0.06))._replace(V_a=V_a)
+    asked = ft.loop.ReferenceSample(
+        0.0, 0.3, 0.1, 0.2, (0.1, 1.0), None if holds else 22.0, 0.0, None
+    )
+
+    given = priority(seen, asked)
+
+    sine = 0.06 + rate * (V_a - least)
+    level, up = V_a * math.sqrt(1.0 - sine**2), V_a * sine
+    north, east, down = wind or (0.0, 0.0, 0.0)
+    over_ground = math.atan2(up - down, north + math.sqrt(level**2 - east**2))
+    assert given.gamma == pytest.approx(over_ground)
+    assert (given.gamma_dot, given.planned) == (0.0, None)
+    assert given[:3:2] == asked[:3:2]
+    low = asked._replace(gamma=over_ground - 1e-6)
+    assert priority(seen, low) is low
+
+
+@pytest.mark.parametrize(("V_a", "gamma"), [(3.0, -math.pi / 6.0), (90.0, math.pi / 2.0)])
+def test_no_engine_makes_a_path_steeper_than_half_down_or_upright(V_a, gamma):
+    seen = measured((0.0, 0.0), 0.0, n_x=(0.0, -0.1, 0.1))._replace(V_a=V_a)
+
+    given = follow.AirspeedPriority(24.0, 9.81, 0.1)(seen, ft.loop.ReferenceSample(0.0, 2.0))
+
+    assert given.gamma == pytest.approx(gamma)
