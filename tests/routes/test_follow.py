@@ -424,7 +424,7 @@ def seen_from(reference, along, *last, lead=(0.0, 0.0)):
     for s in np.arange(0.0, along, 10.0).tolist():
         north, east, up = reference.path.beside(np.array([s]))[0].tolist()
         follower(measured((north, east), 1000.0 + up))
-    return follower(*last)
+    return [follower(sample) for sample in last][-1]
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -435,14 +435,15 @@ def test_beside_a_circle_the_course_turns_with_the_nearest_point_of_it(side, bes
     reference = route_of(Waypoint(north=-1500.0, east=0.0), circle)
     path = reference.path
     top = next(i for i in range(1500, len(path.s)) if path.north[i] > 399.999)
-    north = 400.0 - side * beside  # to the right of a clockwise circle is its inside
+    inside = 1.0 - side * beside / 400.0  # to the right of a clockwise circle is its inside
+    north, east = inside * path.north[top], inside * path.east[top]
     chi = path.course[top] + 0.1
-    here = measured((north, path.east[top]), 1008.0, chi=chi, gamma=0.05, V_g=22.0)
+    here = measured((north, east), 1008.0, chi=chi, gamma=0.05, V_g=22.0)
 
-    ref, place = seen_from(reference, path.s[top] - 5.0, here)
+    ref, place = seen_from(reference, path.s[top] - 5.0, *[here] * 9)  # each comes nearer
 
     assert place[1:] == pytest.approx((beside, -8.0), abs=0.01)
-    forward = 22.0 * math.cos(0.1) / max(1.0 - side * beside / 400.0, 0.2)
+    forward = 22.0 * math.cos(0.1) / max(inside, 0.2)
     across, below = beside / 66.0, -8.0 / 66.0
     assert ref.chi == pytest.approx(chi - 0.1 - math.atan(across), abs=1e-3)
     assert ref.gamma == pytest.approx(math.atan(below), abs=1e-4)
