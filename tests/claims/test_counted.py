@@ -1,9 +1,11 @@
 """What counts of all kinds have in common: whose flights they are of, and what they spend."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from flown_campaigns import flown_here
 from made_up import made_up_run, made_up_scenario
 from made_up_band import (
     CONFIDENCE,
@@ -17,6 +19,8 @@ from made_up_band import (
 )
 
 import flighttune as ft
+from flighttune.base.files import code
+from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.claims import counting, unfinished
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.counted import wind_at_start
@@ -262,3 +266,72 @@ def test_claims_that_leave_no_confidence_are_refused(counted, confidence, fences
     else:
         with pytest.raises(ft.InputError, match="`confidence`"):
             replace(counted, about=about)
+
+
+def test_compiled_flights_that_decide_a_count_are_those_that_jsbsim_flies_again(counted):
+    """The made-up flights that are new come half as far as the band."""
+    own, seen = dict(zip(counted.draws.tolist(), counted.extremes, strict=True)), []
+    begun = replace(counted, compiled=CompiledFlights(flights=FLIGHTS))
+
+    def rows(plan, runs, differs=-1, compiled=True, **_):
+        by_jsbsim = code.BY_JSBSIM.get()
+        seen.append((by_jsbsim, [*runs]))
+        for run in runs:
+            ends = own.get(run, 0.5 * own[LEARNED + FLIGHTS - 6])
+            ends = 1.01 * ends if by_jsbsim and run == differs else ends
+            flown = CompiledFlights(flights=int(compiled and not by_jsbsim))
+            yield {"run": run, "extremes": ends.ravel().tolist(), COMPILED: flown}
+
+    with flown_here(rows) as pool:
+        more = counting.count_more(begun, 2 * FLIGHTS, pool)
+    decide = counting.deciding(more)
+    assert [by_jsbsim for by_jsbsim, _ in seen] == [False, True]
+    assert seen[1][1] == decide
+    assert more.compiled == CompiledFlights(flights=2 * FLIGHTS, flown_again=len(decide))
+
+    said = f"compiled flight of draw {decide[0]} must be"
+    with (
+        flown_here(partial(rows, differs=decide[0])) as pool,
+        pytest.raises(ft.loop.PlantError, match=said),
+    ):
+        counting.count_more(begun, 2 * FLIGHTS, pool)
+
+    seen.clear()
+    with flown_here(partial(rows, compiled=False)) as pool:
+        assert counting.count_more(begun, 2 * FLIGHTS, pool).compiled == begun.compiled
+    assert [by_jsbsim for by_jsbsim, _ in seen] == [False]
+
+
+@pytest.mark.parametrize(
+    ("navigation", "changes", "flown"),
+    [
+        ("standard", {}, True),
+        ("rtk", {}, False),
+        ("standard", {"navigation.position_sd_m": 4.0}, False),
+    ],
+)
+def test_learning_flights_of_a_route_are_flown_by_rtk_too_and_keep_their_largest_distances(
+    navigation, changes, flown
+):
+    """A made-up flight by RTK is 1 m or more to the left, and at most 0.25 m below or above."""
+
+    def rows(plan, runs, probes, **_):
+        shape, known = probes["extremes"].shape, plan.campaign.central.navigation
+        by_rtk = flown and known.grade == "rtk"
+        for run in runs:
+            ends = np.zeros(shape)
+            ends[...] = 0.0 if by_rtk else np.array([-1.0, 1.0]) * (1.0 + 0.01 * run)
+            if by_rtk:
+                ends[3, 0], ends[5, 1] = (-1.0 - run, 0.5), (-0.25, 0.0625 * run)
+            others = [0.0] * 4 if known else []
+            lost = by_rtk and run == 4
+            yield {"run": run} if lost else {"run": run, "extremes": [*ends.ravel(), *others]}
+
+    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "navigation": navigation}
+    changes = {**short, "gains": ["paper"], **changes}
+    with flown_here(rows):
+        band = ft.band("circuit_in_wind", changes=changes, **few)
+
+    largest = [(1.0 + run, max(0.25, 0.0625 * run)) for run in range(10) if run != 4]
+    assert band.by_rtk.tolist() == ([[*pair] for pair in largest] if flown else [])

@@ -106,6 +106,20 @@ def test_a_count_is_decided_where_the_answer_is_certain(
     assert ending.complete(flights) == complete
 
 
+@pytest.mark.parametrize("outside", [[0, 2], [2, 0]])
+def test_one_claim_of_several_is_enough_for_an_answer(outside):
+    """Of 93 flights one may be outside; in two steps the first ends where none is, of any claim."""
+    assert FIXED.decided(outside, 24)
+    assert not TWO.decided([min(x, 1) for x in outside], 66)
+    assert ANY.decided([6 * x for x in outside], 12)
+    assert not ANY.decided([0, 0], 12)
+
+
+def test_a_count_of_nothing_is_not_complete_and_its_last_flight_is_no_look():
+    assert not FIXED.complete(0)
+    assert endings.Fixed(flights=96, epsilon=EPSILON, confidence=CONFIDENCE).looks() == [24, 48]
+
+
 @pytest.mark.parametrize(
     ("ending", "looks"),
     [(FIXED, [24, 48]), (TWO, [24, 48, 66, 96]), (ANY, [*range(12, 208, 12)])],
