@@ -203,6 +203,36 @@ def test_settling_counts_from_the_end_of_a_change_to_5_percent_of_it(ref, error,
     assert found.settling_s == pytest.approx(settled, abs=SAMPLING, nan_ok=True)
 
 
+@pytest.mark.parametrize("measure", [error_measures, kernel.error_measures])
+def test_measures_of_a_few_samples_are_those_by_hand(measure):
+    """The flight starts at 0.4, beside a reference of 0 that goes to 1 and to 0.5."""
+    t = np.array([0.0, 1.0, 3.0, 6.0, 10.0, 15.0, 16.0])
+    ref = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.5, 0.5])
+    error = np.array([-0.4, -0.2, 0.0, 0.5, 0.0, -0.1, 0.0])
+    limited = np.array([2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0])
+
+    found = measure(t, ref, error, 0.0 * t, limited)
+
+    assert found.change_rad == pytest.approx(1.0 - 0.4)  # 5 % of it are 0.03
+    assert found.saturation_s == 1.0 + 4.0
+    assert (found.peak_rad, found.late_rad, found.rest_s) == (0.5, 0.1, 15.0)
+    # the start settles in 3 s, the first change in 4 s, and the second in 1 s
+    assert found.settling_s == 4.0
+    slow_start = measure(t, ref, error * [1, 1, 1, 0, 0, 0, 0], 0.0 * t, limited)
+    assert slow_start.settling_s == 3.0
+    assert math.isnan(measure(t, 0.0 * t, 1e-3 * error, 0.0 * t, limited).rise_s)
+
+
+@pytest.mark.parametrize("measure", [error_measures, kernel.error_measures])
+def test_errors_while_a_reference_moves_take_no_time(measure):
+    t = np.arange(9.0)
+    ref, follows = np.clip(t - 2.0, 0.0, 3.0), np.array([0, 0, 0, 0.5, 0.5, 0, 0, 0, 0])
+
+    assert measure(t, ref, follows, 0.0 * t, 0.0 * t).settling_s == 0.0
+    late = follows + [0, 0, 0, 0, 0, 0.4, 0.3, 0, 0]
+    assert measure(t, ref, late, 0.0 * t, 0.0 * t).settling_s == 2.0
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_path_angle_that_gives_way_is_held_against_the_one_that_is_given(side):
     """Of 0.1 rad asked for 0.05 are given, and 0.04 are flown."""
