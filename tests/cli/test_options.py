@@ -128,6 +128,41 @@ def test_a_file_has_the_name_of_its_source_by_default(command, source, written):
     assert options_of(command)["out"].file(None, source) == (written and Path(written))
 
 
+def test_an_option_that_is_not_given_has_the_default_of_its_verb_or_none_of_its_own():
+    for (command, name), default in {
+        ("worst", "budget"): 2000, ("trim", "h"): 1000.0,
+        ("tune", "prove"): None, ("adopt", "rudder"): None,
+        ("tune", "envelope"): False, ("tune", "frontier"): False, ("worst", "out"): None,
+    }.items():  # fmt: skip
+        assert options_of(command)[name].value == default, (command, name)
+        assert type(options_of(command)[name].value) is type(default), (command, name)
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "words", "value"),
+    [
+        ("tune", "lag", ["0.1:0.2", "0.3:0.5"], [(0.1, 0.2), (0.3, 0.5)]),
+        ("identify", "assume", ["phi=4", "n_z=2.5"], {"phi": 4.0, "n_z": 2.5}),
+        ("fly", "changes", ["flight.V_a_mps=30", "a = b=c"], {"flight.V_a_mps": 30, "a": "b=c"}),
+        ("tune", "lag", ["1:2:3"], "--lag must be LOW:HIGH, got '1:2:3'."),
+        ("tune", "lag", ["1", "2" * 99], f"--lag must be LOW:HIGH, got '1, {'2' * 77}'."),
+        ("identify", "assume", ["phi"], "--assume must be CHANNEL=RAD_S, got 'phi'."),
+        ("fly", "changes", ["=3"], "--set: must be KEY=VALUE in one line, got '=3'."),
+        ("fly", "changes", ["a="], "--set: must be KEY=VALUE in one line, got 'a='."),
+        ("fly", "changes", ["a"], "--set: must be KEY=VALUE in one line, got 'a'."),
+        ("fly", "changes", ["a=1\nb=2"], "--set: must be KEY=VALUE in one line, got 'a=1\\nb=2'."),
+    ],
+)
+def test_words_of_an_option_are_read_or_refused_in_eighty_characters(command, name, words, value):
+    option = options_of(command)[name]
+
+    if not isinstance(value, str):
+        assert option.words(words) == value
+        return
+    with pytest.raises(ft.InputError, match=f"^{re.escape(value)}$"):
+        option.words(words)
+
+
 def test_an_angle_is_in_degrees_on_the_command_line_alone():
     angles = {
         (name, x.name): x.flag

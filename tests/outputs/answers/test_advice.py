@@ -3,11 +3,12 @@
 import math
 import re
 
+import numpy as np
 import pytest
-from made_up import made_up_scenario
+from made_up import made_up_run, made_up_scenario
 
 import flighttune as ft
-from flighttune.outputs.answers.advice import advice
+from flighttune.outputs.answers.advice import advice, mistake
 
 TURN = {"chi_deg": 60.0, "gamma_deg": 0.0}
 RAMP = {"chi_deg": [{"shape": "ramp", "duration_s": 2.0, "rate_dps": 20.0}], "gamma_deg": 0.0}
@@ -23,10 +24,12 @@ IDENTIFIED, SCHEDULE = "`tuned_identified` in `gains`", "`schedule = true`"
         ({"reference": RAMP}, {"MO_deg": 0.1}, {SLOWER}),
         ({"plant": BOTH}, {"MO_deg": 2.5}, {MEET}),
         ({"flight": {"V_a_mps": 50.0, "duration_s": 20.0}}, {"MO_deg": 0.1}, {IDENTIFIED}),
-        ({}, {"MO_deg": 0.1}, set()),
+        ({"flight": {"V_a_mps": 28.5, "duration_s": 5.0}}, {"MO_deg": 0.1}, set()),
+        ({"flight": {"V_a_mps": 29.0, "duration_s": 5.0}}, {"MO_deg": 0.1}, {IDENTIFIED}),
+        ({"flight": {"V_a_mps": 21.0, "duration_s": 5.0}}, {"MO_deg": 0.1}, {IDENTIFIED}),
         ({"reference": TURN}, {"MO_deg": 90.0}, set()),
     ],
-    ids=["step", "ramp", "aircraft", "airspeed", "unknown", "met"],
+    ids=["step", "ramp", "aircraft", "airspeed", "near", "faster", "slower", "met"],
 )
 def test_what_may_help_is_said_and_nothing_else(change, bound, said):
     tables = {
@@ -121,6 +124,58 @@ def test_a_law_with_the_wrong_sign_or_in_degrees_gets_that_hint(roll_by, pull_by
     found = advice(flown.scenario, runs, "x.toml")
 
     assert found == line if line else "mine" not in found
+
+
+LATE = 0.1 * np.arange(20)
+
+
+def hint(**columns):
+    """The hint about two seconds of a law; a column that is not given is that of level flight."""
+    level = dict.fromkeys(("phi_unlimited", "phi", "gamma", "chi_err", "gamma_err"), 0.0)
+    level["n_z_unlimited"] = 1.0
+    return mistake(made_up_run({x: y + 0.0 * LATE for x, y in (level | columns).items()}, LATE))
+
+
+def test_roll_commands_are_in_degrees_beyond_half_a_turn_and_twenty_times_the_error():
+    """The roll of a law in degrees is 57 times its gain; a gain of 1 to 5 is usual."""
+    for error, roll, many in (
+        (0.1, 3.0, False), (0.1, 3.3, True), (1.0, 19.0, False), (1.0, 21.0, True),
+        (-0.1, -3.3, True), (-1.0, -19.0, False),
+    ):  # fmt: skip
+        said = hint(chi_err=error, phi_unlimited=roll)
+        assert said == (DEGREES.removeprefix("mine:paper: ") if many else ""), (error, roll)
+    once = np.where(np.arange(20) == 3, 1.0, 0.0)
+    assert hint(chi_err=0.1, phi_unlimited=0.2 + 90.0 * once) == ""
+    assert "degrees" in hint(chi_err=0.1 + 2.0 * once, phi_unlimited=10.0)
+    assert hint(chi_err=0.01, phi_unlimited=90.0) == ""  # too small an error
+
+
+def test_a_law_turns_away_if_it_does_so_for_a_second_and_the_error_stays_larger():
+    grows = math.radians(1.1) * (1.0 + LATE)
+
+    for sign in (1.0, -1.0):
+        assert "turns away" in hint(chi_err=sign * grows, phi_unlimited=-0.2 * sign)
+        assert hint(chi_err=sign * grows, phi_unlimited=0.2 * sign) == ""
+    for until, said in ((0.85, False), (1.05, True)):
+        away = np.where(until > LATE, -0.2, 0.2)
+        assert bool(hint(chi_err=grows, phi_unlimited=away)) == said
+    falls = np.where(LATE > 1.55, math.radians(1.05), grows)
+    assert hint(chi_err=falls, phi_unlimited=-0.2) == ""
+    assert hint(chi_err=grows / 1.1 * 0.3, phi_unlimited=-0.2) == ""  # below 1 deg
+
+
+def test_a_lift_pulls_towards_the_reference_above_the_weight_across_the_path():
+    """At 60 deg of bank half of the lift is vertical, and at 60 deg of climb half of the weight."""
+    grows = math.radians(2.0) * (1.0 + LATE)
+
+    assert "turns away" in hint(gamma_err=grows, phi=math.pi / 3.0, n_z_unlimited=1.5)
+    assert hint(gamma_err=grows, phi=math.pi / 3.0, n_z_unlimited=2.5) == ""
+    assert hint(gamma_err=grows, gamma=math.pi / 3.0, n_z_unlimited=0.75) == ""
+    assert "turns away" in hint(gamma_err=grows, gamma=math.pi / 3.0, n_z_unlimited=0.25)
+    # a path angle that has given way to the airspeed is that which the law follows
+    down = {"gamma": -0.1, "gamma_given": -0.1 - grows, "n_z_unlimited": 0.5}
+    assert hint(gamma_err=grows, **down) == ""
+    assert "turns away" in hint(gamma_err=grows, **{**down, "n_z_unlimited": 1.5})
 
 
 def test_the_gap_is_asked_of_the_gains_that_flew():

@@ -7,13 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up import made_up_run, made_up_scenario
-from printed import MODEL
+from printed import MARKED, MODEL
 
 import flighttune as ft
 from flighttune.campaigns.engine.engine import CampaignOutcome
 from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import Margins
 from flighttune.control.tuning.noise import Noise, Rms
+from flighttune.control.tuning.result import Diagnosis
 from flighttune.gaps.compare import Pair
 from flighttune.gaps.of_log import LogGap
 from flighttune.outputs.answers import (
@@ -285,6 +286,44 @@ def test_found_gains_are_said_with_their_indicators_and_active_limits():
     )
     for status in ("infeasible", "failed"):
         assert tuning.summary(result_of(status=status, reason="None.")) == "None."
+
+
+def test_gains_over_an_envelope_have_its_rate_in_their_table_and_other_gains_do_not():
+    one, over = result_of(), result_of(status="found", R_envelope=0.25)
+
+    tables = [tuning.answer(made).tables for made in (one, over)]
+    shown = [[column.key for column in table.columns] for table, *_ in tables]
+    assert [table.title for table, *_ in tables] == ["tuning", "tuning over the envelope"]
+    assert [("R_envelope" in keys, "method" in keys) for keys in shown] == [
+        (False, True), (True, False),
+    ]  # fmt: skip
+    assert not any("cost" in keys for keys in shown)
+    assert [len(of) for of in tables] == [3, 3]
+    unsolved = result_of(status="infeasible", reason="None.", gains=MARKED["K3"])
+    assert tuning.answer(unsolved).failure == "None."
+    assert tuning.answer(unsolved).tables[2].records == []
+    assert tuning.answer(over).failure == ""
+
+
+def test_the_answer_of_a_tuning_says_its_units_and_what_keeps_it_from_being_feasible():
+    n = MODEL.A.shape[0] + 2
+    limits = ({"name": "phi", "factor_alone": 2.0, "smallest_I_K_without": 3.0, "use": 1.5},)
+    diagnosis = Diagnosis(6.0, 0.25, 1.5, None, ("phi",), limits)
+    scaled = ft.loop.TuningProblem(model=MODEL, scaling=[1.0] * (n - 1) + [2.0])
+    weights = np.ones(2), np.ones(2)
+    weighed = ft.loop.TuningProblem(model=MODEL, weights=weights, x_0=np.ones(2))
+    made = result_of(problem=scaled, status="infeasible", reason="No.", diagnosis=diagnosis)
+
+    said = tuning.answer(made)
+
+    assert said.notes == [tuning.SCALED]
+    assert tuning.answer(result_of()).notes == [tuning.PLAIN]
+    nearest, each = said.tables[-2:]
+    assert (nearest.title, each.title) == ("within the limits", "limits")
+    assert nearest.records[0]["common_factor"] == 1.5
+    assert each.records == limits
+    (*_, last) = tuning.answer(result_of(problem=weighed)).tables[0].columns
+    assert last.key == "cost"
 
 
 @pytest.mark.parametrize(

@@ -472,7 +472,7 @@ def test_the_command_of_the_readme_flies_the_folder_wherever_it_was_moved(tmp_pa
 
 
 @pytest.mark.slow
-def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
+def test_a_title_with_control_characters_is_written_as_xml_beside_comments_of_the_law(tmp_path):
     title = '\x1b[31mred\x07\x9b\u202e <&> "end"'
     tables = ft.load_scenario("level_turn").as_dict() | {"title": title, "expect": []}
     tables["flight"]["duration_s"] = 1.0
@@ -484,6 +484,8 @@ def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
     script = ElementTree.parse(tmp_path / "flight.xml").getroot()
     assert script.get("name") == ' [31mred    <&> "end"'
     assert "\x1b" not in (tmp_path / "README.md").read_text(encoding="utf-8")
+    law = (tmp_path / "systems/ft_outer_loop.xml").read_text(encoding="utf-8")
+    assert "<!-- Measured minus true value -->" in law
 
 
 @pytest.mark.soak
