@@ -91,6 +91,7 @@ def test_a_flight_without_samples_left_at_its_start():
         ("circle", 1.0, 2.6, 2.5),
         # under the floor, 2.6 s, before the flight is ended
         ("cut", 1.2, 2.6, 2.7),
+        ("cut", 1.1, NEVER, 2.6),  # and at the sample of its ending
         # the last sample, and later
         ("turn_back", 1.5, 2.6, 3.0),
         ("turn_back", 1.6, 2.6, NEVER),
@@ -109,14 +110,15 @@ def test_to_come_down_after_an_ending_is_no_exit_by_the_floor(how, after_s, left
 RISE = V**2 / (2.0 * G)
 FALL = 0.05
 FAR = FALL * (200.0 + RISE)
-WIND = {"wind_north": np.full(151, 3.0), "wind_east": np.full(151, -4.0)}
+FASTER = {"V_g": np.full(151, 30.0)}  # over ground than through the air
+WIND = {"wind_north": np.full(151, 3.0), "wind_east": np.full(151, -4.0), **FASTER}
 
 
 @pytest.mark.parametrize(
     ("how", "ending", "status", "wind", "reach"),
     [
         # 200 m above the ground and its speed, times the distance of a fall per height
-        ("cut", {"fall_per_height": FALL}, "left_envelope", {}, FAR),
+        ("cut", {"fall_per_height": FALL}, "left_envelope", FASTER, FAR),
         ("turn_back", {"fall_per_height": FALL}, "diverged", {}, FAR),
         # a glide that is still in the air at the end of its record falls from there
         ("glide", {"fall_per_height": FALL}, "completed", {}, FAR),
@@ -127,8 +129,8 @@ WIND = {"wind_north": np.full(151, 3.0), "wind_east": np.full(151, -4.0)}
         ("cut", {}, "left_envelope", {}, 1e4),
         ("turn_back", {}, "left_envelope", {}, 1e4),
         # 0.4 s until it is open, then 5 m/s of wind while it sinks 200 m at 40 m/s
-        ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "completed", WIND, 10.0 + 25.0),
-        ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "ground_contact", WIND, 10.0 + 25.0),
+        ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "completed", WIND, 12.0 + 25.0),
+        ("parachute", {"sink_mps": 40.0, "opens_s": 0.4}, "ground_contact", WIND, 12.0 + 25.0),
         # a parachute does not fall as flights with other endings do
         ("parachute", {"sink_mps": 40.0, "opens_s": 0.0, "fall_per_height": FALL}, "completed",
          WIND, 25.0),
@@ -147,6 +149,14 @@ def test_an_ended_flight_comes_down_inside_where_its_fall_is_shorter_than_the_ro
 
     declared = "fall_per_height" in ending or how == "parachute" or reach == 0.0
     assert left == pytest.approx(NEVER if declared and beyond > 0.0 else 3.0)
+
+
+@pytest.mark.parametrize(
+    ("how", "status", "left"), [("cut", "left_envelope", 3.0), ("glide", "completed", NEVER)]
+)
+def test_a_flight_before_its_ending_is_one_that_nothing_ends(how, status, left):
+    """It would be ended at 10.5 s: the autopilot flies on, and no fall is declared for it."""
+    assert probe(how=how, after_s=9.0, fall_per_height=0.0)(flight(3.0, status), FAULTY)[0] == left
 
 
 def test_a_flight_of_few_samples_is_looked_at_in_each():
