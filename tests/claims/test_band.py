@@ -384,3 +384,38 @@ def test_there_are_fewer_windows_for_more_flights_and_signals():
     windows = shape.MAX_NUMBERS // (2 * flights * signals)
     assert len(shape.window_edges(10**6, flights, signals, most=10**6)) == windows + 1
     assert shape.window_edges(50, 10**12, 1).tolist() == [0, 49]
+
+
+def test_the_middle_of_a_shape_is_between_its_ends_however_many_flights_come_to_each():
+    """Of 40 flights ten come to 3 and 5 half-widths, the others to -1 and 1: between are 2 +- 3."""
+    width = np.array([1.0, 2.0, 0.5])
+    ends = np.array([[3.0, 5.0] if i % 4 == 0 else [-1.0, 1.0] for i in range(40)])
+    extremes = ends[:, None, None, :] * width[:, None, None]
+
+    coefficients, half = shape.learned_shape(extremes, np.zeros((40, 0)), 0.05)
+
+    assert coefficients[:, :, 0] == pytest.approx(2.0 * width[None])
+    assert half[:, 0] == pytest.approx(3.0 * width, rel=shape.LEAST_SHARE)
+
+
+def test_a_mirrored_band_is_learned_from_mirrored_flights():
+    rng = np.random.default_rng(5)
+    middle = rng.exponential(1.0, (30, 8, 2)) * np.array([1.0, 3.0])
+    extremes = np.stack([middle - rng.uniform(0.1, 0.2, middle.shape), middle + 0.3], axis=-1)
+
+    coefficients, half = shape.learned_shape(extremes, np.zeros((30, 0)), 0.1)
+    mirrored, as_wide = shape.learned_shape(-extremes[..., ::-1], np.zeros((30, 0)), 0.1)
+
+    assert mirrored == pytest.approx(-coefficients)
+    assert as_wide == pytest.approx(half)
+
+
+def test_each_of_many_flights_has_a_score():
+    extremes = np.zeros((shape.PART + 3, 1, 1, 2))
+    extremes[shape.PART] = [-7.0, 2.0]
+
+    scores = shape.scores_of(
+        extremes, np.zeros((len(extremes), 0)), np.zeros((1, 1, 1)), np.ones((1, 1))
+    )
+
+    assert (len(scores), scores.argmax(), scores.max()) == (len(extremes), shape.PART, 7.0)

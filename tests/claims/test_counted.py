@@ -23,7 +23,7 @@ from flighttune.base.files import code
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.claims import counting, unfinished
 from flighttune.claims.band import RecordedSignals
-from flighttune.claims.counted import wind_at_start
+from flighttune.claims.counted import axis_of, wind_at_start
 from flighttune.claims.monitor import Monitor, WatchedSignals
 from flighttune.gaps.watch import SignalModel
 
@@ -103,6 +103,49 @@ def test_the_wind_at_the_start_blows_from_where_it_comes(speed, from_deg):
     away = -(speed or 0.0) * np.exp(1j * np.deg2rad(from_deg))
     expected = (away.real, away.imag)
     assert tuple(wind_at_start(scenario)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_wind_at_the_start_is_that_of_its_height():
+    """Halfway between 2 m/s and 8 m/s from the south, which blow to the north."""
+    level = [{"h_m": h, "speed_mps": V, "from_deg": 180.0} for h, V in ((0.0, 2.0), (600.0, 8.0))]
+    plant = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    flight = {"V_a_mps": 25.0, "h_m": 300.0}
+    scenario = made_up_scenario(wind={"level": level}, flight=flight, plant=plant)
+
+    assert tuple(wind_at_start(scenario)) == pytest.approx((5.0, 0.0), abs=1e-12)
+
+
+def test_bounds_in_a_wind_are_about_the_middle_that_it_predicts(counted):
+    """The middle grows by 0.3 per m/s from the south and by 0.01 per m/s from west and south."""
+    shape = counted.about.half.shape
+    coefficients = np.zeros((10, *shape))
+    # products of at most three components: powers of the wind to the east, then of that north
+    coefficients[[0, 4, 5]] = np.array([0.5, 0.3, 0.01])[:, None, None]
+    about = replace(counted.about, predicted_from="wind", coefficients=coefficients)
+    given = replace(counted, about=about, wind=np.zeros((FLIGHTS, 2)))
+
+    bounds = given.bounds(np.zeros(1), np.array([2.0, -3.0]))
+
+    middle = 0.5 + 0.3 * 2.0 - 0.01 * 6.0
+    assert 0.5 * (bounds.low + bounds.high)[0, 0] == pytest.approx(middle)
+    assert 0.5 * (bounds.high - bounds.low)[0, 0] == pytest.approx(given.scale)
+
+
+def test_the_hash_of_a_count_is_of_all_its_numbers(counted):
+    others = [
+        replace(counted, extremes=counted.extremes * 0.5),
+        replace(counted, navigation=np.zeros((FLIGHTS, 4))),
+        replace(counted, navigation=np.ones((FLIGHTS, 4))),
+        replace(counted, wind=np.ones((FLIGHTS, 2))),
+        replace(counted, about=replace(counted.about, confidence=0.98)),
+    ]
+    assert len({counted.sha256, *(other.sha256 for other in others)}) == 1 + len(others)
+
+
+def test_a_flight_of_a_route_is_judged_by_its_farthest_place_so_far():
+    run = made_up_run({"along": [0.0, 3.0, 2.0, 5.0]}, [0.0, 0.1, 0.2, 0.3])
+
+    assert axis_of(run).tolist() == [0.0, 3.0, 3.0, 5.0]
 
 
 def test_boxes_are_for_tubes_alone(counted):
@@ -246,6 +289,7 @@ def test_another_claim_of_a_count_stands_beside_that_which_was_planned(counted):
     assert (other.about.epsilon, other.about.confidence) == (0.1, 0.98)
     assert other.about.planned == (0.05, CONFIDENCE)
     assert other.claiming(0.2, 0.97).about.planned == (0.05, CONFIDENCE)
+    assert counted.claiming(0.05, 0.98).about.planned == (0.05, CONFIDENCE)
     assert (back.about.epsilon, back.about.planned) == (0.05, None)
 
 
