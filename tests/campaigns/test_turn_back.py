@@ -397,6 +397,9 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
         4.0,
         pytest.approx(6.0, abs=CLIMBS),
     ]
+    # a corridor that reaches the ground ends there
+    high = count_on(ft.Band, plan, [5.0, 150.0])
+    assert [x.low for x in room.volumes(high).values()] == [0.0, 0.0, 0.0]
     with mock.patch.object(TurnBack, "largest_dimension", 40.0):
         geography, contingency, buffer = room.volumes(corridor).values()
     assert (geography.width, geography.high - geography.low) == (60.0, 120.0)
@@ -407,7 +410,10 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
 def test_a_corridor_names_the_errors_of_navigation_in_it():
     waypoints = [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]
     flights = ft.flights("circuit", changes={"route.waypoint": waypoints}).knowing("standard")
-    corridor = count_on(ft.Band, flights.plan(plant="kinematic", gains="paper"), [50.0, 20.0])
+    plan = flights.plan(plant="kinematic", gains="paper")
+    corridor, room = (
+        count_on(ft.Band, plan, [50.0, 20.0]), count_on(TurnBack, turned_back(plan), [90.0, 3.0])
+    )  # fmt: skip
     counted = len(corridor.scores)
     # m, of each flight: errors of its place, then how far off it sees itself
     reach = np.linspace((1.0, 2.0, 0.1, 0.2), (7.0, 30.0, 0.8, 0.9), counted)
@@ -420,6 +426,11 @@ def test_a_corridor_names_the_errors_of_navigation_in_it():
     assert parts == [f"{beside:.2g}", f"{min(above, 20.0):.2g}"]
     assert f"errors of at most {seen[0]:.2g} m and {seen[1]:.2g} m" in said
     assert "reach" not in summary(corridor)[2]  # a file of 0.4.0 has none
+    # the width of the corridor is their sum with what is left for holding the path
+    for factor, navigation in ((1.0, beside), (20.0, 50.0)):
+        terms = room.terms(replace(corridor, navigation=factor * reach))
+        shares = [row["counted"] for row in terms[:2]]
+        assert shares == pytest.approx([navigation, 50.0 - navigation], rel=1e-5)
 
 
 @pytest.mark.counts
@@ -529,6 +540,11 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
             room.volumes(count_on(ft.Band, other, [5.0, 2.0]))
     with pytest.raises(ft.InputError, match="got a TurnBack"):
         room.volumes(room)
+    lost = replace(room, extremes=np.full_like(room.extremes, np.inf))
+    with pytest.raises(ft.InputError, match="got no claim of the room"):
+        lost.volumes(count_on(ft.Band, own, [5.0, 2.0]))
+    assert {*room.own_values["room"]} == {"from_route_m", "height_m", "by_formula_m"}
+    assert {*lost.own_values["room"]} == {"by_formula_m"}
 
     old = replace(room.about, signals={"ahead": "m", "height": "m"})  # as 0.3.0 wrote it
     replace(room, about=old).save(tmp_path / "old.npz")

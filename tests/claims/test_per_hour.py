@@ -330,13 +330,15 @@ def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
 
 
 def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hole_within():
-    planned = ft.route("circuit")  # a loop that is wider than twice the room
+    # a loop that is wider than twice the room, 100 m above the ground
+    planned = ft.route("circuit", changes={"flight.ground_m": 900.0})
     path, (band, room) = planned.reference.path, (SimpleNamespace(claims=True) for _ in "ab")
     band.flights = SimpleNamespace(route=planned, central=planned.scenario)
     around = SimpleNamespace(width=30.0, high=40.0)
-    room.volumes = lambda _: {CONTINGENCY: around}
+    room.volumes = lambda _: {"geography": None, CONTINGENCY: around, "buffer": None}
+    odds = SimpleNamespace(band=band, room=room)
 
-    volume = mission._operational_volume(SimpleNamespace(band=band, room=room), {}, Path())
+    volume = mission._operational_volume(odds, {}, Path())
 
     at = path.beside(path.points(200.0))[:, :3]
     off = [[-25.0, 0.0, 0.0], [-35.0, 0.0, 0.0], [*at[:, :2].mean(axis=0), 0.0]]
@@ -345,7 +347,45 @@ def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hol
     inside, outside, hole = beside[-3:, 0]
     assert inside > 0.0 > max(outside, hole)
     ground, start = planned.scenario.flight.ground_m, planned.scenario.flight.h_m
-    assert volume.high == pytest.approx(40.0 + ground - start)
+    assert (ground, start) == (900.0, 1000.0)
+    assert volume.high == pytest.approx(40.0 - 100.0)
+    for lacking in ({"band": replaced(band)}, {"room": replaced(room)}, {"room": None}):
+        with pytest.raises(ft.InputError, match="none is claimed by its count"):
+            mission._operational_volume(SimpleNamespace(**{**vars(odds), **lacking}), {}, Path())
+
+
+def replaced(count):
+    """A count that claims nothing."""
+    return SimpleNamespace(**{**vars(count), "claims": False})
+
+
+@pytest.mark.parametrize(
+    ("otherwise", "files", "says"),
+    [
+        ("law is exact", {}, "gains of the mission: law is exact"),
+        ("", {"aerosonde": "0" * 64}, "the files of its aircraft are others"),
+        ("", {}, None),
+    ],
+)
+def test_the_monitor_on_board_is_of_the_aircraft_law_and_gains_that_are_flown(
+    monkeypatch, otherwise, files, says
+):
+    plan = short_plan()
+    flights = SimpleNamespace(
+        flown_otherwise=lambda *_: otherwise, aircraft={**plan.aircraft, **files}
+    )
+    watch = SimpleNamespace(middle=np.array([1.0]), half=np.array([2.0]), models=())
+    monitor = SimpleNamespace(watch=watch, flights=flights)
+    monkeypatch.setattr(mission, "load_one", lambda *_: monitor)
+    stated = {**rates().model_dump(), "ending": {"monitor": "m.npz"}}
+    declared = rates_keys.RatesTable.model_validate(stated)
+
+    if says is None:
+        alarms = mission._alarms(declared, declared, plan)
+        assert (alarms.middle, alarms.half) == ((1.0,), (2.0,))
+    else:
+        with pytest.raises(ft.InputError, match=rf"m\.npz: `monitor` must be .*{says}"):
+            mission._alarms(declared, declared, plan)
 
 
 def test_a_flight_of_a_claim_lasts_three_times_its_time_in_still_air_and_is_drawn_anew():
