@@ -4,6 +4,7 @@ import gc
 import math
 import os
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -145,6 +146,31 @@ def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
 
     assert len(signals) == 3
     assert stop == ft.loop.Stop("ground_contact", "hit the ground")
+
+
+@pytest.mark.parametrize(("duration", "samples"), [(0.02, 2), (0.06, 4), (0.58, 30), (0.575, 30)])
+def test_a_flight_has_a_sample_at_both_ends_of_its_nearest_whole_number(duration, samples):
+    """Over 0.02, 0.58 is a little less than 29 in binary."""
+    assert len(flown("conditional", duration)) == samples
+
+
+def test_commands_are_planned_for_the_rates_of_each_lag_later_at_the_path_angle():
+    turn = Segment(0.1, (0.0, 2.0), rates=(0.2,), roll_in=0.2)
+    reference = ft.loop.Reference(
+        chi=0.0, gamma=0.3, chi_segments=(turn,), gamma_segments=(replace(turn, rates=(0.05,)),)
+    )
+    plant, law = ft.loop.PointMassPlant(turn="paper"), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02)
+    start = ft.loop.FlightCondition(V_a=25.0, gamma=0.3, phi=0.2)
+    flight = Flight(plant, law, reference, start, 1.0, None, (0.16, 0.04))
+
+    measured, ref, *_ = next(flight.samples())
+
+    # the mean of a rate over 0.2 s grows evenly, from 0.1 s before its beginning on
+    chi_dot, gamma_dot = 0.2 * (0.16 / 0.2), 0.05 * (0.04 / 0.2)
+    assert (ref.chi_dot, ref.gamma_dot) == pytest.approx((chi_dot, gamma_dot))
+    per_g = 25.0 / ft.loop.Reference(chi=0.0, gamma=0.0).g
+    lift = math.cos(0.3) + gamma_dot * per_g
+    assert ref.planned == pytest.approx((math.atan(chi_dot * per_g), lift / math.cos(measured.phi)))
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])

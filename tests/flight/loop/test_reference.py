@@ -87,6 +87,7 @@ def test_a_planned_reference_leads_each_channel_by_its_own_lag():
     V, V_dot = reference.airspeed(t)
     assert V == pytest.approx([21.2, 18.1, 19.0])
     assert V_dot == pytest.approx([1.5, 1.5, 0.0])
+    assert replace(reference, chi_segments=(), gamma_segments=(path, chi)).planned
     stepping = replace(reference, chi_segments=())
     assert not stepping.planned
     assert stepping.rates(t, lead=(0.3, 0.7))[1] == pytest.approx([0.0, 0.2, 0.2])
