@@ -173,9 +173,11 @@ def test_a_lift_pulls_towards_the_reference_above_the_weight_across_the_path():
     assert hint(gamma_err=grows, gamma=math.pi / 3.0, n_z_unlimited=0.75) == ""
     assert "turns away" in hint(gamma_err=grows, gamma=math.pi / 3.0, n_z_unlimited=0.25)
     # a path angle that has given way to the airspeed is that which the law follows
-    down = {"gamma": -0.1, "gamma_given": -0.1 - grows, "n_z_unlimited": 0.5}
+    down = {"gamma": 0.3, "gamma_given": 0.3 - grows, "n_z_unlimited": 0.5}
     assert hint(gamma_err=grows, **down) == ""
     assert "turns away" in hint(gamma_err=grows, **{**down, "n_z_unlimited": 1.5})
+    assert "turns away" in hint(chi_err=grows, phi_unlimited=-0.2, gamma_given=0.0)
+    assert hint(gamma_err=grows, n_z_unlimited=1.5, phi_unlimited=90.0) == ""  # on its course
 
 
 def test_the_gap_is_asked_of_the_gains_that_flew():

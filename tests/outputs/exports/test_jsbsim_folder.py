@@ -216,6 +216,20 @@ def failing_climb(aircraft, V, **changes):
     return ft.scenario_from(tables)
 
 
+# Values of the priority of the airspeed in docs/airspeed.md, with thrust as a channel and beside.
+PRIORITY = {
+    "aerosonde": {
+        "n_x/priority-per-g": 0.35 / 9.81, "V-least-share": 0.95, "n_x/steepest-dive": -0.5,
+        "n_x/throttle-min": 0.0, "n_x/beyond-stop": 0.05, "n_x/rate-max": 1e300,
+        "n_x/range-min": -0.5, "n_x/range-max": 1.0, "n_z/min": -2.1, "n_z/max": 2.1,
+    },
+    "c172p": {
+        "n_x/priority-per-g": 1.5 / 55.0, "V-least-share": 0.875, "n_x/steepest-dive": -0.5,
+        "V-ref-mps": 55.0, "n_z/min": -0.5, "n_z/max": 2.5,
+    },
+}  # fmt: skip
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("aircraft", "V", "changes"),
@@ -241,6 +255,22 @@ def test_an_engine_fails_beside_wind_and_sensors_as_in_fly(aircraft, V, changes,
     written = pd.read_csv(tmp_path / CSV)
     assert written["Time"].iloc[0] == pytest.approx(flight.start, abs=1e-9)
     assert len(written) == 101
+    law = ElementTree.parse(tmp_path / "systems/ft_outer_loop.xml").getroot()
+    stated = {
+        x.text.strip().removeprefix("ft/outer/"): float(x.get("value") or "nan")
+        for x in law.iterfind("property")
+    }
+    rates = {"aerosonde": (30.0, 1.0), "c172p": (20.0, 0.7)}[aircraft]
+    expected = PRIORITY[aircraft] | {
+        "dt-s": 0.02, "least-speed": 0.2, "per-g-s2_m": 1.0 / scenario.flight.g_mps2,
+        "phi/min": -math.radians(45.0), "phi/max": math.radians(45.0),
+        "phi/rate-min": -math.radians(rates[0]), "phi/rate-max": math.radians(rates[0]),
+        "n_z/rate-min": -rates[1], "n_z/rate-max": rates[1],
+    }  # fmt: skip
+    assert {name: stated[name] for name in expected} == pytest.approx(expected)
+    readme = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "(50 a second)" in readme
+    assert f"`Time` = {flight.start:g} s, and lasts 2 s." in readme
 
 
 T = 0.02 * np.arange(51)
@@ -347,6 +377,33 @@ def test_a_law_in_python_is_refused_by_name(tmp_path):
 
     with pytest.raises(ft.InputError, match="got the law 'mine'"):
         ft.export(ft.scenario_from(tables), "mine:paper", out=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "tables"),
+    [
+        ("gust", {"gust": {"axis": "right", "peak_mps": 1.0, "start_s": 1.0, "length_m": 20.0}}),
+        ("turbulence", {"turbulence": {"intensity": "light"}}),
+        (
+            "wind.level",
+            {"wind": {"level": [{"h_m": h, "speed_mps": h / 500.0, "from_deg": 0.0}
+                                for h in (500.0, 1500.0)]}},
+        ),
+        (
+            "disturbance.as_wind",
+            {"disturbance": {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.5, "as_wind": True}},
+        ),
+        ("navigation", {"navigation": {"grade": "standard"}}),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)  # fmt: skip
+def test_air_that_moves_otherwise_than_as_a_steady_wind_is_refused(key, tables, tmp_path):
+    plant = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    scenario = ft.scenario_from(scenario_tables(plant=plant, **tables))
+
+    with pytest.raises(ft.InputError, match=f"^`{key}` must be absent from a scenario that is exp"):
+        ft.export(scenario, "paper", out=tmp_path / "made")
+    assert not (tmp_path / "made").exists()
 
 
 OTHERS = {

@@ -1,0 +1,118 @@
+"""What a mission is told of its corridor and its fence: yes or no, odds, and the room there is."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_band import count_of
+from scipy.stats import binomtest
+
+import flighttune as ft
+from flighttune.outputs.answers.band import answer, summary
+from flighttune.routes import maps
+
+HALF, MIDDLE = (5.0, 2.0), (-1.0, 0.5)
+"""m: a flight at the edge of the band is 6 m to the left and 2.5 m above."""
+
+SCORES = np.concatenate([np.linspace(0.25, 1.0, 24), [2.0, 2.0, 3.0, 4.0, np.inf]])
+"""Half-widths of 29 flights: five leave the band, one of which does not complete."""
+
+ROUNDED_M = 0.11
+"""Distances have one digit, and a fence has a margin of 5 cm."""
+
+
+@pytest.fixture(scope="module")
+def straight():
+    waypoints = [{"north_m": north, "east_m": 0.0} for north in (0.0, 800.0)]
+    flights = ft.flights("circuit", changes={"route.waypoint": waypoints})
+    plan = flights.plan(plant="kinematic", gains="paper").with_runs(39)
+    measured = ft.Band.measures.chosen(plan, None)
+    return count_of(ft.Band, plan, measured, HALF, SCORES, MIDDLE, epsilon=0.3, confidence=0.9)
+
+
+def fenced(band, east):
+    """The band with a fence so far to both sides of its route, m."""
+    corners = [(-200.0, -east), (-200.0, east), (1000.0, east), (1000.0, -east), (-200.0, -east)]
+    ring = maps.on_earth(np.array(corners), (0.0, 0.0))[:, ::-1].tolist()
+    area = {"type": "Polygon", "coordinates": [ring]}
+    fence = {"type": "Feature", "properties": {}, "geometry": area}
+    return replace(band, about=replace(band.about, fences=(fence,)))
+
+
+def bound(outside, confidence):
+    return binomtest(outside, 29, alternative="less").proportion_ci(confidence, "exact").high
+
+
+@pytest.mark.parametrize(
+    ("east", "outside", "where", "room", "band_is"),
+    [
+        (30.0, 1, "come nearest to it on the leg to waypoint 2, 800 m along", 9.0, "inside"),
+        (12.0, 3, "The flight furthest out is", 9.0, "inside"),
+        (4.0, 18, "They come furthest out on the leg to waypoint 2, 800 m al", 17.0, "not inside"),
+    ],
+)
+def test_a_fence_is_kept_or_lacks_room_for_the_flight_furthest_to_the_left(
+    straight, east, outside, where, room, band_is
+):
+    """It is 1 m + 4 half-widths, 21 m, to the left. The band is 6 m there."""
+    band = fenced(straight, east)
+
+    whether, odds, wide, holds = summary(band)
+    said = answer(band)
+
+    kept = east > 6.0
+    assert whether.startswith(
+        "Yes: the mission can be flown and stays inside its fence."
+        if kept
+        else "No: 18 of 29 flights are not certainly inside the fence; at most 5 of 29 may be"
+    )
+    assert where in odds
+    (metres,) = re.findall(r"(?:: |is )([\d.]+) m(?:\.| outside|, which)", odds)
+    assert float(metres) == pytest.approx(room, abs=ROUNDED_M)
+    if kept:  # the band and its fence share the confidence
+        assert f"{outside} of 29 flights did" in odds
+        (odds_at_most,) = re.findall(r"a probability of at most ([\d.]+), at a", odds)
+        assert float(odds_at_most) == pytest.approx(bound(outside, 0.9), abs=1e-4)
+        assert "at a confidence of 0.8 for all" in odds
+    assert wide == (
+        "The corridor is at most 6 m wide to either side of the path, and 2.5 m high above and "
+        "below it."
+    )
+    assert holds.startswith("It holds for kinematic under the exact law at 25 m/s in calm air")
+    assert f"The band itself is {band_is} the fence." in said.notes
+    assert bool(said.verdict) == kept
+    assert bool(said.failure) == (not kept)
+    if not kept:
+        assert said.failure.endswith("; 0.3 was asked for")
+    assert "Of the flights 1 did not complete" in said.notes[-1]
+
+
+def test_a_count_that_may_go_on_is_not_known_unless_too_many_are_outside(straight):
+    """In so few flights, all within the band, none is outside 30 m, and nine are outside 4 m."""
+    first = {"extremes": straight.extremes[:20], "wind": straight.wind[:20]}
+
+    wide, narrow = (replace(fenced(straight, east), **first) for east in (30.0, 4.0))
+
+    assert summary(wide)[0] == (
+        "Not known: 20 of 29 flights were flown; `flighttune band FILE --flights 29` flies the "
+        "others."
+    )
+    assert summary(narrow)[0].startswith("No: 9 of 20 flights are not certainly inside the fence")
+
+
+def test_a_corridor_without_a_fence_has_odds_and_none_is_claimed_for_too_many_lost(straight):
+    yes, odds, *_ = summary(straight)
+    lost = straight.extremes.copy()
+    lost[:5] = -np.inf, np.inf
+    no, ended, wide, _ = summary(replace(straight, extremes=lost))
+
+    assert yes == "Yes: the mission can be flown. It has no fence to stay inside."
+    assert odds == (
+        "A new flight leaves its corridor with a probability of at most 0.3, at a confidence of "
+        "0.9 for all that is said here: 5 of 29 flights did."
+    )
+    assert no.startswith("No: of 29 flights 6 did not complete")
+    assert no.endswith("; at most 5 of 29 may.")
+    assert ended.startswith("They ended so:")
+    assert wide == "No corridor is claimed."
