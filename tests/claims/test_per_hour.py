@@ -318,6 +318,11 @@ def test_the_answer_names_the_latest_time_and_every_kind_of_fault():
     assert answers.endings(hourly)[1] == (
         "An aircraft that falls comes down 1.5 m away per metre of height, as declared."
     )
+    chute = {"kind": "parachute", "opens_s": 2.0, "sink_mps": 5.0}
+    sinks = answers.endings(replace(hourly, rates={**falls, "ending": chute}))
+    assert sinks[1:] == ["The parachute opens after 2 s and sinks by 5 m/s, as declared."]
+    plain = {**falls, "ending": {"kind": "cut"}}
+    assert len(answers.endings(replace(hourly, rates=plain))) == 1
     falls["ending"] |= {"monitor": "m.npz", "after_alarm_s": 2.0}
     watched = replace(hourly, rates=falls, alarms=Alarms(models=(), middle=(), half=()))
     assert (
@@ -628,6 +633,15 @@ def two_faults(**changes):
     return replace(claim, rates={**claim.rates, "fault": [first, second]}, terms=terms, **changes)
 
 
+def few_with_a_fault():
+    """A claim whose fault struck three flights, none of which left."""
+    few = {"left_s": (-1.0,) * 3, "end_s": (100.0,) * 3, "ended_at_s": (-1.0,) * 3}
+    struck = hourly_flights.FlownTerm(fault=0, ended_s=1.0, **few)
+    (fault,) = (claim := hours()).rates["fault"]
+    stated = {**claim.rates, "fault": [{**fault, "flights": 3}]}
+    return replace(claim, rates=stated, terms=(counted(0), struck))
+
+
 def test_each_fault_has_its_rate_its_flights_and_its_shares_of_the_confidence():
     """Seven counts share 0.1: three of healthy flights, two of each fault; 90 s is too short."""
     claim = two_faults(later=(counted(0, 1, 1.0), counted(290, 1, 2.0)))
@@ -706,6 +720,8 @@ def test_the_healthy_flights_are_too_few_if_none_left_and_their_bound_exceeds_th
         (hours(0, 200), 0, "1 s: 200 of 300 flights left, none was ended (`ended_s`)."),
         (hours(200, 0), None, "healthy flight: 200 of 300 flights left the volume."),
         (hours(0, 0), None, "none of 300 left the volume; more flights would lower it."),
+        (few_with_a_fault(), 0, "0 of 3 flights left; more `flights` would lower its bound."),
+        (two_faults(), 1, "290 of 300 flights left, none was ended"),
     ],
 )
 def test_what_matters_most_is_the_largest_term_of_a_fault_or_of_healthy_flight(
@@ -739,7 +755,10 @@ def test_a_claim_says_yes_no_or_not_yet_with_its_terms_and_its_target():
     few, no = hours(target=0.9 * hours(target=1.0).bound.healthy), hours(0, 200, target=0.5)
     assert few.answer().summary[0].startswith("Not shown yet: at most")
     assert no.answer().summary[0].startswith("No: at most")
-    assert no.answer().failure.endswith("and the target is 0.5")
+    most = re.search(r"at most ([\d.]+) flights", no.answer().summary[0])[1]
+    assert no.answer().failure == (
+        f"exits per flight hour are at most {most}, and the target is 0.5"
+    )
 
 
 def test_a_table_of_a_claim_has_its_counts_and_those_of_other_times():
@@ -752,8 +771,8 @@ def test_a_table_of_a_claim_has_its_counts_and_those_of_other_times():
     assert (first["bound"], two["bound"]) == (claim.bound.healthy, claim.bound.several)
     assert [struck[x] for x in ("per_hour", "outside", "source")] == [1.0, 4, "a log"]
     # Clopper and Pearson at the confidence of each count
-    share = stats.beta.ppf(claim.bound.each, 5, 296)
-    assert struck["share"] == pytest.approx(share)
+    shares = [stats.beta.ppf(claim.bound.each, k + 1, 300 - k) for k in (2, 4)]
+    assert [first["share"], struck["share"]] == pytest.approx(shares)
     assert two["flights"] is None
     times = said.tables[1]
     assert times.title == "time of ending: aileron stuck"
@@ -763,6 +782,14 @@ def test_a_table_of_a_claim_has_its_counts_and_those_of_other_times():
     assert values["latest"] == {"fault": "aileron_stuck", "ended_s": 1.0}
     assert (values["bound"], values["target"]) == (claim.bound.total, 1.0)
     assert values["window_s"] == 100.0
+    assert said.aside == said.notes[:-1]  # what is not in the claim stays at hand
+    healthy, cut = claim.terms
+    ended = replace(cut, ended_at_s=(5.0,) * 7 + (-1.0,) * 293)
+    records = replace(claim, terms=(healthy, ended)).answer().tables[0].records
+    assert [row["ended"] for row in records] == [0, 7, None]
+    for place, kind in enumerate(("aileron stuck", "engine")):
+        _, times = two_faults(later=(counted(0, place, 1.0),)).answer().tables
+        assert times.title == f"time of ending: {kind}"
     assert len(hours(2, 4).answer().tables) == 1
     assert hours(2, 4).answer().values["per_hour"]["latest"] is None
 
@@ -778,6 +805,11 @@ def test_a_table_of_a_claim_has_its_counts_and_those_of_other_times():
             hours(0, 0, target=1.0, later=[(0, per_hour.LATER_S[-1])]),
             f"The target holds if a flight is ended within {per_hour.LATER_S[-1]:g} s of a stuck "
             "aileron, the latest time that was flown.",
+        ),
+        (
+            hours(0, 0, target=1.0, later=[(0, per_hour.LATER_S[-2])]),
+            f"The target holds if a flight is ended within {per_hour.LATER_S[-2]:g} s of a stuck "
+            "aileron.",
         ),
         (hours(0, 0, target=1.0), None),
     ],

@@ -7,12 +7,14 @@ import subprocess
 import sys
 from collections import Counter
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import pytest
 
 from flighttune.base.errors import FORKS, StoppedError
 from flighttune.campaigns.engine.progress import CampaignProgress
 from flighttune.cli import show
+from flighttune.outputs.answers.answer import Answer
 
 needs_terminals = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo terminal")
 
@@ -208,6 +210,50 @@ def test_a_process_that_is_ended_cleans_up_and_tells_its_parent_the_signal(tmp_p
 
     assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGTERM, "", "")
     assert not (tmp_path / "file").exists()
+
+
+@pytest.mark.parametrize(
+    ("failure", "source", "line"),
+    [
+        ("it is lost", "turn.toml", "turn.toml: it is lost"),
+        ("turn.toml: it is lost", "turn.toml", "turn.toml: it is lost"),
+        ("it is lost", Path("a/turn.toml"), "a/turn.toml: it is lost"),
+        ("it is lost", "", "it is lost"),
+        ("it is lost", None, "it is lost"),
+        ("it is lost", 25.0, "it is lost"),
+    ],
+)
+@pytest.mark.parametrize("status", [1, 2, 130])
+def test_an_answer_that_fails_ends_with_its_status_and_names_the_source_once(
+    failure, source, line, status
+):
+    stdout, stderr = io.StringIO(), io.StringIO()
+    made = Answer(verdict="what was found", failure=failure, status=status)
+    with (
+        redirect_stdout(stdout),
+        redirect_stderr(stderr),
+        show.working("tuning", quiet=False),
+        pytest.raises(SystemExit) as ended,
+    ):
+        show.emit(made, source)
+    assert ended.value.code == status
+    assert stderr.getvalue() == f"flighttune: {line}\n"
+    assert stdout.getvalue().strip() == "What was found."
+
+
+def test_an_answer_without_a_failure_does_not_exit_and_is_silent_if_quiet():
+    stdout = io.StringIO()
+    with redirect_stdout(stdout):
+        with show.working("tuning", quiet=True):
+            show.emit(Answer(verdict="more"))
+        with show.working("tuning", quiet=True, as_json=True):
+            show.emit(Answer(verdict="all"))
+        with show.working("tuning", quiet=False):
+            show.say("begun")
+            show.emit(Answer(verdict="found", status=1), "turn.toml")
+    assert stdout.getvalue().startswith("{")
+    assert stdout.getvalue().strip().endswith("}\nbegun\nfound.")
+    assert "more" not in stdout.getvalue()
 
 
 def test_a_long_reason_is_one_line_with_both_ends():

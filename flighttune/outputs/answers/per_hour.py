@@ -75,7 +75,7 @@ def summary(hourly: PerHour) -> list[str]:
         for fault, x in zip(faults, bound.faults, strict=True)
     ]
     begin = "" if target is None else "Yes: " if hourly.met else "No: "
-    if begin == "No: " and hourly.too_few:
+    if hourly.too_few:
         begin = "Not shown yet: "
     aim = "" if target is None else f"; the target is {target:g}"
     lines = [

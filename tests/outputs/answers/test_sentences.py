@@ -11,6 +11,7 @@ from printed import MARKED, MODEL
 
 import flighttune as ft
 from flighttune.campaigns.engine.engine import CampaignOutcome
+from flighttune.campaigns.planning.plan import Group
 from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import Margins
 from flighttune.control.tuning.noise import Noise, Rms
@@ -443,6 +444,45 @@ def outcome(*groups):
 )
 def test_groups_of_a_campaign_are_compared_by_their_shares(groups, said):
     assert campaign.succeeded_in_words(outcome(*groups)) == said
+
+
+SURE = {"a": "yes", "b": "yes"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "failure", "status", "verdict"),
+    [
+        ({}, "", 1, ""),
+        ({"sure": SURE, "until_sure": 0.9}, "", 1, "90 %"),
+        ({"sure": SURE | {"b": "no"}, "until_sure": 0.9}, "90 %", 1, ""),
+        ({"sure": SURE | {"a": ""}, "until_sure": 0.9}, "90 %", 1, ""),
+        (
+            {"interrupted": True, "planned": 30}, "interrupted, 12 of 30 runs are in made_up",
+            130, "",
+        ),
+        (
+            {"sure": SURE | {"b": "no"}, "until_sure": 0.9, "interrupted": True, "planned": 30},
+            "interrupted, 12 of 30 runs are in made_up", 130, "",
+        ),
+    ],
+)  # fmt: skip
+def test_a_campaign_fails_if_it_is_interrupted_or_a_group_does_not_surely_reach_its_share(
+    changes, failure, status, verdict
+):
+    groups = Group("kinematic", "a"), Group("kinematic", "b")
+    made = replace(outcome(("a", 3, 4), ("b", 6, 8)), groups=groups, **changes)
+
+    said = made.answer()
+
+    assert failure in said.failure
+    assert bool(said.failure) == bool(failure)
+    assert (said.status, bool(said.verdict)) == (status, bool(verdict))
+    assert verdict in said.verdict
+    assert said.summary[1:] == ([said.verdict] if verdict else [])
+    assert ("sure" in said.values) == ("sure" in changes)
+    assert said.notes[0].startswith("12 of at most" if "until_sure" in changes else "12 flights = ")
+    assert said.notes[1].startswith("flown now: 12 in ")
+    assert replace(made, flown=0).answer().notes[1] == "nothing was missing"
 
 
 def made_up_gap(**changes):
