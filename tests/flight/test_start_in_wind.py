@@ -193,3 +193,32 @@ def test_a_turn_of_a_route_climbs_steepest_where_it_flies_downwind():
     assert steepest is turn[-1]
     # downwind, at 35 m/s over ground
     assert math.sin(steepest.air) == pytest.approx(35.0 / 25.0 * math.sin(steepest.gamma), rel=0.05)
+
+
+def test_a_slope_of_a_route_is_in_the_wind_at_its_middle():
+    """A tail wind that grows from 0 to 10 m/s over a leg of 100 m of climb blows at 5 m/s there."""
+    tables = windy(0.0, [{"kind": "jsbsim", "aircraft": "aerosonde"}]).as_dict()
+    del tables["reference"]
+    levels = [
+        {"h_m": h, "speed_mps": speed, "from_deg": 180.0} for h, speed in ((500, 0), (600, 10))
+    ]
+    tables |= {
+        "flight": {"V_a_mps": 25.0, "h_m": 500.0, "duration_s": 200.0},
+        "limits": LIMITS | {"phi_rate_dps": 60.0},
+        "wind": {"level": levels},
+        "route": {
+            "waypoint": [
+                {"north_m": north, "east_m": 0.0, "up_m": up}
+                for north, up in ((0.0, 0.0), (1000.0, 100.0))
+            ]
+        },
+    }
+
+    (slope,) = conditions.slopes(ft.scenario_from(tables))
+
+    gamma = math.atan(0.1)
+    along, across = 5.0 * math.cos(gamma), 5.0 * math.sin(gamma)
+    over_ground = along + math.sqrt(25.0**2 - across**2)
+    assert slope.gamma == pytest.approx(gamma)
+    assert math.sin(slope.air) == pytest.approx(over_ground * math.sin(gamma) / 25.0)
+    assert slope.words == "leg to waypoint 2"
