@@ -176,6 +176,19 @@ def test_a_climb_that_sinking_air_puts_out_of_reach_says_both_path_angles():
     assert sinking[0].startswith("The reference climbs at 10.2 deg through the air (4.0 deg over ")
 
 
+def test_a_descent_that_rising_air_puts_out_of_reach_says_both_path_angles():
+    aircraft = {"kind": "jsbsim", "aircraft": "c172p"}
+    (said,) = conditions.slopes_not_held(
+        windy(0.0, [aircraft], speed=0.0, down=-6.0, gamma_deg=-4.0, V_a_mps=40.0)
+    )
+
+    # along and across the path: the wind is upright
+    down, level = 6.0 * math.sin(math.radians(4.0)), 6.0 * math.cos(math.radians(4.0))
+    over_ground = math.sqrt(40.0**2 - level**2) - down
+    angle = math.degrees(math.asin((over_ground * math.sin(math.radians(4.0)) + 6.0) / 40.0))
+    assert said.startswith(f"The reference descends at {angle:.1f} deg through the air (-4.0 deg ")
+
+
 def test_a_turn_of_a_route_climbs_steepest_where_it_flies_downwind():
     """A glide in its turn from an upwind to a downwind leg: its air path is the steeper there."""
     start = {"V_a_mps": 25.0, "h_m": 500.0, "duration_s": 200.0}

@@ -156,6 +156,17 @@ def test_below_the_design_speed_there_is_less_lift():
     least = 1.0 - 0.9 * (2.1 * (20.0 / 25.0) ** 2 + 1.0)  # and -2.1
     limits = conditions.manoeuvre_of(ft.scenario_from(slow))
     assert (limits.lower[1], limits.upper[1]) == pytest.approx((least, most))
+    assert (limits.lower[0], limits.upper[0]) == pytest.approx((-27.0 * DEG, 36.0 * DEG))
+
+
+def test_a_change_begins_with_the_lift_that_its_roll_takes():
+    banked = changed(flight={"phi_deg": 20.0}, reference={"gamma_from_deg": 4.0})
+
+    found = conditions.manoeuvre_of(ft.scenario_from(banked))
+
+    lift = math.cos(4.0 * DEG) / math.cos(20.0 * DEG)
+    assert found.u_0 == pytest.approx((20.0 * DEG, lift))
+    assert found.rate_lower == pytest.approx((-18.0 * DEG, -0.9))
 
 
 def test_the_reference_may_begin_elsewhere_than_the_flight():
