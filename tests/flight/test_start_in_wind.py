@@ -235,3 +235,34 @@ def test_a_slope_of_a_route_is_in_the_wind_at_its_middle():
     assert slope.gamma == pytest.approx(gamma)
     assert math.sin(slope.air) == pytest.approx(over_ground * math.sin(gamma) / 25.0)
     assert slope.words == "leg to waypoint 2"
+
+
+def on_route(*plants, **tables):
+    """A climb to the north-east by 50 m in a kilometre, in still air."""
+    made = windy(0.0, [*plants], speed=0.0).as_dict()
+    del made["reference"]
+    corners = (0.0, 0.0, 0.0), (600.0, 800.0, 50.0)
+    points = [dict(zip(("north_m", "east_m", "up_m"), x, strict=True)) for x in corners]
+    flight = {"V_a_mps": 25.0, "h_m": 500.0, "duration_s": 60.0, **tables.pop("flight", {})}
+    limits = LIMITS | {"phi_rate_dps": 60.0}
+    made |= {"flight": flight, "limits": limits, "route": {"waypoint": points}, **tables}
+    return ft.scenario_from(made)
+
+
+def test_angles_at_the_start_of_a_route_count_from_its_own():
+    start = conditions.stated_condition(on_route(LAW, flight={"chi_deg": 5.0, "gamma_deg": -2.0}))
+
+    assert start.chi == pytest.approx(math.atan2(800.0, 600.0) + math.radians(5.0))
+    assert start.gamma == pytest.approx(math.atan(0.05) - math.radians(2.0))
+
+
+def test_roll_and_lift_are_planned_ahead_by_their_lags_and_half_a_sample():
+    lagged = {"kind": "point_mass_lag", "roll_lag_rad_s": 5.0, "n_z_lag_rad_s": 2.0}
+    route = on_route(lagged | {"n_z_damping": 0.7}, controller={"rate_hz": 20.0})
+    (plant,) = route.plant
+
+    # behind a ramp a lag of second order is twice its damping over its frequency late
+    late = 1.0 / 5.0 + 0.025, 2.0 * 0.7 / 2.0 + 0.025
+    assert conditions.lead_on(route, plant) == pytest.approx(late)
+    assert conditions.lead_on(route, None) == pytest.approx((0.025, 0.025))
+    assert conditions.lead_on(windy(0.0, [LAW]), None) == (0.0, 0.0)
