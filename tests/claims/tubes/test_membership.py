@@ -296,3 +296,27 @@ def test_whole_states_are_in_the_set_whatever_the_plan(plant, exact):
 def test_whole_states_of_1200_flights_are_in_the_set(plant, exact, seed):
     last = 4 if exact == "fed back" else 8
     check_membership(plant, exact, count=50, at=range(1, last + 1), seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("law", "n_z"), [(False, None), (True, None), ("fed back", None), (True, 1.2)]
+)
+def test_the_first_set_holds_lags_at_rest_and_the_load_factor_of_each_start(law, n_z):
+    """Banked by 20 deg: a load factor that is not stated is that of steady flight."""
+    scenario, gains = with_law(
+        SECOND_ORDER,
+        exact=bool(law),
+        fed_back=law == "fed back",
+        chi_err_deg=1.0,
+        gamma_deg=15.0,
+        gamma_ref_deg=15.0,
+        duration_s=0.04,
+    )
+    tables = scenario.as_dict()
+    tables["flight"] |= {"phi_deg": 20.0} | ({} if n_z is None else {"n_z": n_z})
+
+    found, _ = distances_at(
+        (ft.scenario_from(tables), gains), lambda loop, _: Search(loop), count=4, at=[0]
+    )
+
+    assert found.max() <= SOLVED

@@ -120,13 +120,14 @@ def flown(loop, x, d):
     return [chi, 2 * mp.atan(half_tangent(h)), phi, extra, *integrals, *e, *expected]
 
 
-def boxed(centres, rng):
+def boxed(centres, sizes, rng):
     """Sets about states: as many symbols as rows, mixed a little, and errors of rounding."""
     count, n = centres.shape
     pieces = Pieces(centres, CONSTRAINTS, 120)
     mixed = np.eye(n) + 0.2 * rng.uniform(-1.0, 1.0, (count, n, n))
-    size = rng.choice([1.0, 0.3, 0.03, 0.0], (count, 1, 1))
-    pieces.values[:, :n, 1 : 1 + n] = size * WIDTHS[:n, np.newaxis] * mixed
+    pieces.values[:, :n, 1 : 1 + n] = (
+        sizes[:, np.newaxis, np.newaxis] * WIDTHS[:n, np.newaxis] * mixed
+    )
     pieces.used = n
     return pieces
 
@@ -149,19 +150,34 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
     if exact == "fed back":
         inverts = loop.law.inverts._replace(feedback=(0.5, 0.3))
         loop = replace(loop, law=loop.law._replace(inverts=inverts))
+    # Limits and boxes whose ends differ; roll is at either end of its range in some of the sets.
+    roll, load = (law._replace(step_down=0.7 * law.step_down) for law in loop.law.channels)
+    channels = roll._replace(lower=-0.45, upper=0.43), load
+    loop = replace(
+        loop,
+        law=loop.law._replace(channels=channels),
+        boxes=np.tile([[-0.2 * D, D], [-D, 0.4 * D]], (len(loop.boxes), 1, 1)),
+    )
     rng, outside, centres, n = np.random.default_rng(5), [], [], loop.rows
-    for _ in range(boxes):
-        phi, error = rng.uniform(-0.5, 0.5), rng.uniform(-0.03, 0.03, 2)
+    sizes = rng.choice([1.0, 0.3, 0.03, 0.0], boxes)
+    for size in sizes:
+        # Inside the range of roll, even in the corners of a box of this size
+        inwards = 0.004 + 0.05 * size
+        phi = rng.choice([-0.45 + inwards, rng.uniform(-0.4, 0.4), 0.43 - inwards])
+        error = rng.uniform(-0.03, 0.03, 2)
         chi, gamma = -error[0], loop.reference[1, 1] - error[1]
         lift = rng.uniform(-0.05, 0.05) + (np.cos(gamma) if exact else 0.0)
         # Near the commands wanted: some flights of a box are limited and some are not.
         integral = np.array([loop.g_over_v * np.tan(phi), 0.0]) if exact else np.array([phi, 0.0])
         integral = integral - [np.array(law.K_P) @ error for law in loop.law.channels]
         integral = integral - loop.reference[1, columns]
+        # Without a kink between the flights of a small box, these are exactly as limited.
+        integral[0] += rng.choice([-0.03, 0.0, 0.03]) * (loop.g_over_v if exact else 1.0)
+        integral[1] += rng.choice([-0.04, 0.0, 0.04]) * (loop.g_over_v if exact else 1.0)
         extra = lift / np.cos(phi) if exact == "fed back" else lift
         expected = [phi, lift / np.cos(phi)][: n - STATES]
         centres.append([chi, gamma, phi, extra, *integral, *error, *expected])
-    pieces = boxed(np.array(centres), rng)
+    pieces = boxed(np.array(centres), sizes, rng)
     sets = pieces.values[:, :n, : 1 + n].copy()
     _, met = enclosure_of(loop, pieces, Search(loop)).sample(1)
     slack = np.abs(pieces.values[:, :n, 1 + n :]).sum(axis=2) + pieces.err[:, :n]
@@ -170,7 +186,7 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
             xi = rng.uniform(-1.0, 1.0, n)
             xi = np.sign(xi) if i % 2 else xi
             exactly = [mpf(1), *map(mpf, xi.tolist())]
-            d = [mpf(D) * int(sign) for sign in rng.choice([-1, 1], 2)]
+            d = [mpf(float(ends[rng.integers(2)])) for ends in loop.boxes[1]]
             x = [dot(row, exactly) for row in before]
             off = [
                 abs(value - dot(row, exactly))

@@ -153,7 +153,7 @@ def without_rates():
         *(
             pytest.param(
                 with_exact(
-                    brief(chi_err_deg=6.0, anti_windup="none", roll_dps=10.0),
+                    brief(chi_err_deg=0.5 if any(fed) else 6.0, anti_windup="none", roll_dps=10.0),
                     LAGS if any(fed) else {"kind": "point_mass"},  # which follows at once
                     [BRAKING_LATE],
                 ),
@@ -196,7 +196,8 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     level = tube_scenario(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
     problem = tubes.stated_problem(level, ft.PAPER_GAINS, disturbance=D)
     only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis, np.newaxis]
-    loop = replace(problem.loop, boxes=problem.loop.boxes * only_k)
+    of_each = np.array([[1.0], [0.5]])
+    loop = replace(problem.loop, boxes=problem.loop.boxes * only_k * of_each)
     starts = sample.start_set(loop, 0.0, sides=1, symbols=660)
     enclosure = exact.enclosure_of(loop, starts, Search(loop, tolerance=0.5, most=60))
 
@@ -205,10 +206,11 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     # The rate is anywhere within +-D from sample k on and zero after k + 1: course is off by D h at
     # k + 1. The margin of the interval is a quarter of h times 2 D. Margins of a flight that is not
     # disturbed are a thousandth of that.
-    half_widths = 0.5 * np.ptp(ranges, axis=2)[k - 1 : k + 3, 0]
-    assert half_widths[0] < 0.01 * D * h
-    assert half_widths[1:3] == pytest.approx([0.5 * D * h, 1.5 * D * h], rel=0.01)
-    assert half_widths[3] < 1.1 * D * h
+    for i, part in enumerate((1.0, 0.5)):
+        half_widths = 0.5 * np.ptp(ranges, axis=2)[k - 1 : k + 3, i]
+        assert half_widths[0] < 0.01 * D * h
+        assert half_widths[1:3] == pytest.approx([part * x * D * h for x in (0.5, 1.5)], rel=0.02)
+        assert half_widths[3] < 1.1 * part * D * h
 
 
 @pytest.mark.parametrize(("gamma_ref_deg", "D"), [(80.0, 0.02), (40.0, 0.2), (-60.0, 0.02)])
@@ -474,7 +476,7 @@ def test_a_split_at_a_limit_says_on_which_side_flights_are_and_another_says_noth
     enclosure = enclosure_with(others | {(0, 1.0): 4 * [exact.OPEN]}, pieces=2)
     row = enclosure.pieces.forms()[sample.CHI]
     values = enclosure.pieces.plain_range(row)
-    centre = values.middle[0]
+    centre = values.middle
     excess = Quantity(combined((1.0, row), shift=-centre), values - centre)
     channel = sample.Channel(row, row, values, {1.0: excess, -1.0: excess})
     chosen, splits = np.array([False, True, False, True]), np.array([0.0, 0.0, 0.0, 1e-5])
@@ -489,6 +491,11 @@ def test_a_split_at_a_limit_says_on_which_side_flights_are_and_another_says_noth
         exact.LIMITED,
         exact.OPEN,
     ]
+    # The halves overlap by rounding; multipliers have single precision.
+    ranges = enclosure._range(enclosure.pieces.forms()[sample.CHI])
+    ends = (ranges.high[[1, 3]], ranges.low[[4, 5]]) - centre[[1, 3]]
+    assert ends[0] == pytest.approx([exact.OVERLAP, 1e-5 + exact.OVERLAP], abs=0.4 * exact.OVERLAP)
+    assert ends[1] == pytest.approx([-exact.OVERLAP, 1e-5 - exact.OVERLAP], abs=0.4 * exact.OVERLAP)
     for limit in ((0, -1.0), (1, 1.0), (1, -1.0)):
         assert enclosure._sides[limit].tolist() == [
             exact.FREE,
@@ -508,6 +515,51 @@ def test_a_split_at_a_limit_says_on_which_side_flights_are_and_another_says_noth
     for beyond, values in known.items():
         assert values.low.tolist() == [-1.0, -beyond, -1.0]
         assert values.high.tolist() == [beyond, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(("chi", "turned"), [(0.5, 0.0), (7.0, 1.0), (-12.0, -2.0)])
+def test_course_errors_of_each_piece_are_within_half_a_turn(chi, turned):
+    enclosure = enclosure_with({}, pieces=2)
+    state = enclosure.pieces.forms()
+    centres = state[sample.CHI].coefficients[:, 0].copy()
+    chi_ref = enclosure.loop.reference[0, 0]
+    state[sample.CHI] = combined((1.0, state[sample.CHI]), shift=chi - centres + chi_ref)
+
+    error = enclosure._errors(0, state)[0].coefficients[:, 0]
+    assert error == pytest.approx(np.full(4, turned * math.tau - chi))
+    # One piece reaches half a turn, on either side.
+    for half in (math.pi, -math.pi):
+        near = np.array([0.0, 0.0, half * (1.0 - 1e-5), 0.0])
+        far = combined((1.0, state[sample.CHI]), shift=near - chi)
+        with pytest.raises(Unbounded, match="half a turn"):
+            enclosure._errors(0, [far, *state[1:]])
+
+
+def test_what_is_seen_beyond_the_roll_of_the_lag_stays_in_its_box_and_its_change():
+    enclosure = enclosure_with({})
+    loop = enclosure.loop
+    beyond, change = (-0.02, 0.03), (-0.002, 0.001)
+    rows = np.tile([beyond, change], (len(loop.boxes), 1, 1))
+    loop = replace(loop, boxes=np.concatenate([loop.boxes, rows], axis=1))
+    seen = exact.enclosure_of(loop, sample.start_set(loop, 0.0, sides=1, symbols=660), Search(loop))
+
+    roll = seen._seen(seen.pieces.forms()).values
+    assert [roll.low.item(), roll.high.item()] == pytest.approx(beyond, rel=1e-6)
+    for widest in (beyond, np.add(beyond, change)):
+        row = seen.pieces.plain_range(seen.pieces.forms()[-1])
+        assert [row.low.item(), row.high.item()] == pytest.approx(widest, rel=1e-6)
+        seen.sample(0)
+
+
+def test_a_path_steeper_than_85_deg_is_not_enclosed_with_the_exact_point_mass():
+    steep = tube_scenario(gamma_deg=85.5, gamma_ref_deg=85.5, duration_s=0.04).as_dict()
+    problem = tubes.stated_problem(
+        ft.scenario_from(steep | {"plant": [{"kind": "point_mass"}]}), ft.PAPER_GAINS
+    )
+
+    found = tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+
+    assert "the flight-path angle cannot be kept inside 85 deg from t = 0.00 s on" in found.reason
 
 
 @pytest.mark.soak
