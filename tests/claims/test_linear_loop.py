@@ -116,9 +116,22 @@ def test_there_is_no_bound_while_a_limit_holds_a_command_and_it_starts_anew_behi
     assert check.bound[first] == pytest.approx(np.sqrt(s @ Q @ s / np.linalg.eigvalsh(Q)[0]))
 
 
-def test_a_step_of_the_reference_does_not_break_the_bound():
-    v = worst([0.0, 0.0, 1.0, 0.0], 40.0)
-    check, _ = linear_flight(v, np.zeros(4), moved_at=15.0, by=(0.8, 0.0))
+@pytest.mark.parametrize("limited", ["phi_limited", "n_z_limited"])
+def test_a_limit_of_either_command_leaves_no_bound(limited):
+    check, run = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5])
+    held = np.where((run.t > 1.99) & (run.t < 3.0), 1.0, 0.0)
+    signals = run.signals.assign(**{limited: held})
+
+    again = linear_loop.bound_of(replace(run, signals=signals), FIGURES, UNIT, L_D)
+
+    assert (np.isnan(again.bound) == (held[:-1] > 0.0)).all()
+    assert again.bound[: int(1.9 / DT)] == pytest.approx(check.bound[: int(1.9 / DT)])
+
+
+@pytest.mark.parametrize("by", [(0.8, 0.0), (0.0, 0.8)])
+def test_a_step_of_the_reference_does_not_break_the_bound(by):
+    v = worst([0.0, 0.0, *np.sign(by)], 40.0)
+    check, _ = linear_flight(v, np.zeros(4), moved_at=15.0, by=by)
 
     around = (check.t > 15.1) & (check.t < 16.0)
     assert (check.size[around] > check.radius).all()
@@ -148,12 +161,16 @@ def test_there_is_a_bound_only_of_what_the_statement_is_about():
     assert check(gains=None) is None
     assert check(gains=unstable) is None
     assert check(signals=run.signals.iloc[:3]) is None
+    assert check(signals=run.signals.drop(columns="n_z_cmd")) is None
+    assert check(signals=run.signals.assign(gamma_err=np.nan)) is None
     assert check(scenario={key: SCENARIO[key] for key in SCENARIO if key != "flight"}) is None
     for plant in ("point_mass", "point_mass_lag", "jsbsim:aerosonde"):
         assert check(plant=plant) is None
     disturbance = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.5}
     for tables in (
         {"wind": {"speed_mps": 5.0}},
+        {"gust": {"peak_mps": 5.0}},
+        {"navigation": {"grade": "rtk"}},
         {"turbulence": {"intensity": "light"}},
         {"sensors": {"chi_bias_deg": 0.5}},
         {"disturbance": {**disturbance, "as_wind": True}},
