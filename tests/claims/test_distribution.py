@@ -1,5 +1,7 @@
 """The words of a distribution of flights: what a claim is about, with ranges and units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
@@ -126,6 +128,8 @@ def plant(**airframe):
         ((), {}, LIGHT, "turbulence is light, counted on none"),
         ([one_of("turbulence.intensity", "light", "moderate")], LIGHT,
          {"turbulence": {"intensity": "severe"}}, "turbulence is severe, counted on light or "),
+        ([one_of("turbulence.intensity", "light", "moderate")], LIGHT,
+         {"turbulence": {"intensity": "moderate"}}, ""),
         (COUNTED, {"wind": WIND}, {"wind": WIND}, ""),
         (COUNTED, {"wind": WIND}, {"wind": WIND | {"speed_mps": 9.0}},
          "wind.speed_mps is 9, counted on 2 to 8"),
@@ -190,12 +194,50 @@ def test_starts_have_one_range_where_they_go_as_far_to_every_side(chi, gamma, aw
     assert distance == (None if away is None else pytest.approx(np.deg2rad(away)))
 
 
+NORMAL = {"key": "flight.gamma_deg", "distribution": "normal", "mean": 0.0, "sd": 2.0,
+          "lower": -2.0, "upper": 2.0}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("disperse", "tables"),
+    [
+        ([NORMAL], {}),  # of which a few go further
+        ([uniform("flight.gamma_deg", -2.0, 2.0), uniform("flight.V_a_mps", 24.0, 26.0)], {}),
+        ([uniform("flight.gamma_deg", -2.0, 2.0)], {"wind": WIND}),
+        ([uniform("flight.gamma_deg", -2.0, 2.0)], {"limits": {"phi_deg": [-30.0, 30.0]}}),
+    ],
+)
+def test_starts_have_a_range_only_if_nothing_else_is_drawn_or_differs(disperse, tables):
+    flight = {"V_a_mps": 25.0, "duration_s": 4.0, "chi_deg": 0.0, "gamma_deg": 0.0}
+    course = uniform("flight.chi_deg", -2.0, 2.0)
+    scenario = ft.scenario_from(tables_of((AEROSONDE,), flight=flight))
+    in_wind = ft.scenario_from(tables_of((AEROSONDE,), flight=flight, wind=WIND))
+
+    drawn = distribution(course, *disperse, flight=flight, **tables)
+
+    for flown in (scenario, in_wind):
+        assert drawn.start_range(flown, flown.plant[0]) is None
+
+
+def test_five_drawn_keys_stand_in_the_sentence_and_a_key_without_its_table_is_refused():
+    angles = [uniform(f"flight.{name}_deg", -2.0, 2.0) for name in ("chi", "gamma")]
+    factors = [uniform(f"plant.airframe.{x}_factor", 0.9, 1.1) for x in ("mass", "drag", "izz")]
+    five = distribution(*angles, *factors)
+
+    assert len(five.varied) == 5
+    assert "more in the table" not in five.sentence("x")
+    with pytest.raises(ft.InputError, match="`disperse` must say how"):
+        replace(five, disperse=five.disperse[1:])
+    assert [distribution(**x).windy for x in ({}, {"wind": WIND})] == [False, True]
+
+
 @pytest.mark.parametrize(
     ("values", "unit", "words"),
     [
         ([0.0, 8.0], "m/s", "0 to 8 m/s"),
         ([0.9523809523, 1.0499999], "", "0.9524 to 1.05"),  # ends of a log-normal factor
         ([12345.0, 400.0], "m", "400 to 12345 m"),
+        ([-12345.0, 400.0], "m", "-12345 to 400 m"),
         (["severe", "light", "severe"], "", "severe or light"),
     ],
 )

@@ -101,6 +101,33 @@ def test_the_bound_is_the_exponential_and_what_the_disturbance_can_add():
     assert check.bound[200] == pytest.approx(expected, rel=FIRST_SAMPLES)
 
 
+def test_what_a_disturbance_adds_grows_from_nothing():
+    """After the first second V' = a (L_d^2 - V) has come to 1 - exp(-a)."""
+    check, _ = linear_flight(random_pushes(2), np.zeros(4))
+    second = round(1.0 / DT)
+
+    since = check.t[second] - check.t[0]
+    added = UNIT.radius * L_D * np.sqrt(1.0 - np.exp(-UNIT.multiplier * since))
+    start = check.bound[0] * np.exp(-0.5 * FIGURES.R_K * since)
+    assert check.bound[second] == pytest.approx(start + added)
+
+
+def test_states_are_the_errors_and_their_rates_in_the_middle_of_a_sample():
+    """A reference of 0.3 t that an angle of 0.1 t follows, and an angle of -0.05 t at rest."""
+    t = np.arange(5) * DT
+    signals = {
+        "chi_ref": 0.3 * t, "chi": 0.1 * t, "chi_err": 0.2 * t,
+        "gamma_ref": 0.0 * t, "gamma": -0.05 * t, "gamma_err": 0.05 * t,
+    }  # fmt: skip
+
+    states, moved = linear_loop.error_states(made_up_run(signals, t))
+
+    middle = t[:-1] + 0.5 * DT
+    rates = np.full(4, 0.2), np.full(4, 0.05)
+    assert states == pytest.approx(np.column_stack([*rates, 0.2 * middle, 0.05 * middle]))
+    assert not moved.any()
+
+
 def test_a_disturbance_faster_than_stated_breaks_the_bound():
     v = worst([0.0, 0.0, 1.0, 0.0], 30.0)
     assert exceeded(linear_flight(v, np.zeros(4), L_d=0.2 * L_D)[0])

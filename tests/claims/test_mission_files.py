@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from made_up_missions import AREA, made_up_flights, mission
 
 import flighttune as ft
 from flighttune.claims import hourly_flights, leaving
+from flighttune.claims import mission as missions
 from flighttune.claims.band import RecordedSignals
-from flighttune.claims.mission import kept_mission
+from flighttune.routes import maps
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "flights": 12, "workers": 1}
 FEW |= {"changes": {"gains": ["paper"], "law": ["paper"]}}  # which need no search
@@ -146,21 +148,21 @@ BESIDE = {
 def test_a_band_is_shown_with_what_stands_beside_it(place):
     band, file = ft.load(place / "m.npz"), place / "m.npz"
 
-    kept = kept_mission(band, file)
+    kept = missions.kept_mission(band, file)
 
     assert {key: path.name for key, path in kept.files.items()} == BESIDE
     assert kept.room.sha256 == ft.load(place / "m-turn-back.npz").sha256
     assert kept.per_hour.volume == ft.load(place / "m-per-hour.json").volume
     (place / "m.kml").unlink()
     (place / "m-per-hour.json").write_text("of somebody else")
-    left = kept_mission(band, file)
+    left = missions.kept_mission(band, file)
     assert left.files.keys() == BESIDE.keys() - {"kml", "per_hour"}
     assert left.per_hour is None
     (place / "m-turn-back.npz").unlink()
-    alone = kept_mission(band, file)
+    alone = missions.kept_mission(band, file)
     assert (alone.room, {*alone.files}) == (None, {"band"})
     shutil.copy(file, place / "m-turn-back.npz")  # a band, and no room
-    assert kept_mission(band, file).room is None
+    assert missions.kept_mission(band, file).room is None
 
 
 @pytest.mark.slow
@@ -172,7 +174,7 @@ def test_what_stands_beside_a_band_and_is_of_another_route_is_not_shown(place):
         for file in ("-turn-back.npz", "-per-hour.json"):
             shutil.copy(place / f"m{file}", place / f"of{file}")
 
-        kept = kept_mission(ft.load(place / "of.npz"), place / "of.npz")
+        kept = missions.kept_mission(ft.load(place / "of.npz"), place / "of.npz")
 
         assert (kept.per_hour is None) == (name == "far")
         assert ("per_hour" in kept.files) == (name == "m")
@@ -226,3 +228,46 @@ def test_volumes_do_not_replace_what_is_read(place, given):
 
     assert (place / "m.geojson").read_bytes() == volumes
     assert names(place) == WRITTEN
+
+
+@pytest.mark.parametrize(
+    ("change", "one"),
+    [
+        ({"campaign": {"seed": 7, "runs": 5}, "runs": 90}, True),
+        ({"campaign": {"seed": 1, "runs": 6}}, False),
+        ({"gains": {"paper": 2}}, False),
+        ({"aircraft": {"aerosonde": "1"}}, False),
+        ({"nominal": {"route": {"wind_mps": 9.0}}}, False),
+    ],
+)
+def test_plans_are_of_one_mission_where_only_seed_and_number_of_flights_differ(change, one):
+    plan = {
+        "gains": {"paper": 1}, "aircraft": {"aerosonde": "0"}, "runs": 40,
+        "nominal": {"route": {"wind_mps": 8.0}}, "campaign": {"seed": 1, "runs": 5},
+    }  # fmt: skip
+    assert missions._of_one_mission(plan, {**plan, **change}) is one
+
+
+@pytest.mark.parametrize(("lowest_m", "faults"), [((0.0, 3.0), []), ((0.5, -0.5), ["corridor"]),
+                                                  ((-0.01, 1.0), ["path"])])  # fmt: skip
+def test_a_path_or_a_corridor_below_the_ground_is_a_fault(monkeypatch, lowest_m, faults):
+    seen = iter(lowest_m)
+    monkeypatch.setattr(maps, "clearance", lambda *_: {"over_ground_m": next(seen)})
+    monkeypatch.setattr(maps, "clearance_words", lambda subject, _: f"{subject} is there")
+    band = SimpleNamespace(
+        claims=True, about=SimpleNamespace(predicted_from=None), corridor=lambda: None
+    )
+
+    found = missions.over_ground(SimpleNamespace(where=None), "heights.tif", band)
+
+    assert [x for said in found.faults for x in ("path", "corridor") if x in said] == faults
+    assert bool(found.failure) == bool(faults)
+    assert len(found.changed) == 2 - len(faults)
+
+
+def test_band_fence_and_room_share_the_confidence_and_a_fence_alone_has_all_of_it(place):
+    shared = [ft.load(place / name).about.confidence for name in ("m.npz", "m-turn-back.npz")]
+    alone = ft.mission(place / "m.plan", until_sure=True, **FEW).band
+
+    assert shared == pytest.approx([1.0 - 0.1 / 3.0] * 2)
+    assert alone.about.confidence == 0.9
