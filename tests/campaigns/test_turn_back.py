@@ -425,6 +425,7 @@ def test_a_corridor_names_the_errors_of_navigation_in_it():
     parts = re.findall(r"reach ([\d.]+) m", said)
     assert parts == [f"{beside:.2g}", f"{min(above, 20.0):.2g}"]
     assert f"errors of at most {seen[0]:.2g} m and {seen[1]:.2g} m" in said
+    assert said.endswith("for 95 % of the time once it has joined the path.")
     assert "reach" not in summary(corridor)[2]  # a file of 0.4.0 has none
     # the width of the corridor is their sum with what is left for holding the path
     for factor, navigation in ((1.0, beside), (20.0, 50.0)):

@@ -127,9 +127,11 @@ def in_fence(band: Band, fenced: Fenced, sure: str) -> tuple[str, str]:
             f"Not known: {flights} of {band.first} flights were flown; `flighttune band FILE "
             f"--flights {band.first}` flies the others."
         )
+    if margin >= 0.0:  # what is outside did not complete, or was not flown
+        return whether, f"The completed flights come nearest to it {at}: {margin:.1f} m."
     return whether, (
-        f"They come furthest out {at}: {max(-margin, 0.0):.1f} m, which is the room that the fence "
-        "lacks there; a lower airspeed or wind may do too."
+        f"They come furthest out {at}: {-margin:.1f} m, which is the room that the fence lacks "
+        "there; a lower airspeed or wind may do too."
     )
 
 

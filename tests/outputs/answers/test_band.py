@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ import flighttune as ft
 from flighttune.outputs.answers.band import answer, summary
 from flighttune.routes import maps
 
-HALF, MIDDLE = (5.0, 2.0), (-1.0, 0.5)
-"""m: a flight at the edge of the band is 6 m to the left and 2.5 m above."""
+HALF, MIDDLE = (5.0, 2.0), (-1.234, 0.567)
+"""m: a flight at the edge of the band is 6.234 m to the left and 2.567 m above."""
 
 SCORES = np.concatenate([np.linspace(0.25, 1.0, 24), [2.0, 2.0, 3.0, 4.0, np.inf]])
 """Half-widths of 29 flights: five leave the band, one of which does not complete."""
@@ -47,15 +48,17 @@ def bound(outside, confidence):
 @pytest.mark.parametrize(
     ("east", "outside", "where", "room", "band_is"),
     [
-        (30.0, 1, "come nearest to it on the leg to waypoint 2, 800 m along", 9.0, "inside"),
-        (12.0, 3, "The flight furthest out is", 9.0, "inside"),
-        (4.0, 18, "They come furthest out on the leg to waypoint 2, 800 m al", 17.0, "not inside"),
+        (30.0, 1, "come nearest to it on the leg to waypoint 2, 800 m along", 8.77, "inside"),
+        (21.6, 1, "come nearest to it on the leg to waypoint 2, 800 m along", 0.37, "inside"),
+        (12.0, 3, "The flight furthest out is", 9.23, "inside"),
+        (6.6, 5, "The flight furthest out is", 14.63, "inside"),
+        (3.9, 20, "They come furthest out on the leg to waypoint 2, 800 m al", 17.33, "not inside"),
     ],
 )
 def test_a_fence_is_kept_or_lacks_room_for_the_flight_furthest_to_the_left(
     straight, east, outside, where, room, band_is
 ):
-    """It is 1 m + 4 half-widths, 21 m, to the left. The band is 6 m there."""
+    """It is 1.234 m + 4 half-widths, 21.234 m, to the left."""
     band = fenced(straight, east)
 
     whether, odds, wide, holds = summary(band)
@@ -65,7 +68,7 @@ def test_a_fence_is_kept_or_lacks_room_for_the_flight_furthest_to_the_left(
     assert whether.startswith(
         "Yes: the mission can be flown and stays inside its fence."
         if kept
-        else "No: 18 of 29 flights are not certainly inside the fence; at most 5 of 29 may be"
+        else f"No: {outside} of 29 flights are not certainly inside the fence; at most 5 of 29 "
     )
     assert where in odds
     (metres,) = re.findall(r"(?:: |is )([\d.]+) m(?:\.| outside|, which)", odds)
@@ -76,11 +79,13 @@ def test_a_fence_is_kept_or_lacks_room_for_the_flight_furthest_to_the_left(
         assert float(odds_at_most) == pytest.approx(bound(outside, 0.9), abs=1e-4)
         assert "at a confidence of 0.8 for all" in odds
     assert wide == (
-        "The corridor is at most 6 m wide to either side of the path, and 2.5 m high above and "
+        "The corridor is at most 6.24 m wide to either side of the path, and 2.57 m high above and "
         "below it."
     )
     assert holds.startswith("It holds for kinematic under the exact law at 25 m/s in calm air")
     assert f"The band itself is {band_is} the fence." in said.notes
+    assert "The fence has no floor and no ceiling." in said.notes
+    assert band.sentence in said.notes
     assert bool(said.verdict) == kept
     assert bool(said.failure) == (not kept)
     if not kept:
@@ -89,16 +94,49 @@ def test_a_fence_is_kept_or_lacks_room_for_the_flight_furthest_to_the_left(
 
 
 def test_a_count_that_may_go_on_is_not_known_unless_too_many_are_outside(straight):
-    """In so few flights, all within the band, none is outside 30 m, and nine are outside 4 m."""
+    """In so few flights, all within the band, none is outside 30 m, eleven are outside 3.9 m."""
     first = {"extremes": straight.extremes[:20], "wind": straight.wind[:20]}
 
-    wide, narrow = (replace(fenced(straight, east), **first) for east in (30.0, 4.0))
+    wide, narrow = (replace(fenced(straight, east), **first) for east in (30.0, 3.9))
 
-    assert summary(wide)[0] == (
+    whether, odds, *_ = summary(wide)
+    assert whether == (
         "Not known: 20 of 29 flights were flown; `flighttune band FILE --flights 29` flies the "
         "others."
     )
-    assert summary(narrow)[0].startswith("No: 9 of 20 flights are not certainly inside the fence")
+    assert odds.startswith("The completed flights come nearest to it on the leg to waypoint 2,")
+    assert summary(narrow)[0].startswith("No: 11 of 20 flights are not certainly inside the fence")
+
+
+@pytest.mark.parametrize(
+    ("east", "said"),
+    [
+        (4.0, "No: a new flight is not certainly inside the fence with probability above 0.3"),
+        (6.05, "Not known: `flighttune band FILE --flights 58` may be enough."),
+        (30.0, "Yes: the mission can be flown and stays inside its fence."),
+    ],
+)
+def test_a_count_that_ends_with_its_answer_says_no_if_that_is_sure(straight, east, said):
+    """At 6.05 m seven of 29 flights are outside, too few for a no at 0.3 and too many for a yes."""
+    band = fenced(straight, east)
+
+    whether, _, wide, _ = summary(replace(band, about=replace(band.about, until_sure=True)))
+
+    assert whether.startswith(said)
+    assert wide == "No corridor is claimed."
+
+
+def test_a_room_to_turn_back_shares_the_confidence_and_has_its_words(straight):
+    room = SimpleNamespace(confidence=0.95)
+
+    _, odds, wide, _ = summary(straight, room, "It has room.")
+
+    assert "at a confidence of 0.85 for all that is said here" in odds
+    assert wide.endswith(" above and below it. It has room.")
+    flown = np.array([[1.0, 4.0], [3.0, 2.0]])
+    assert summary(replace(straight, by_rtk=flown))[2].endswith(
+        "below it. Flown by RTK, 2 flights kept to 3 m and 4 m."
+    )
 
 
 def test_a_corridor_without_a_fence_has_odds_and_none_is_claimed_for_too_many_lost(straight):

@@ -1,0 +1,155 @@
+"""Which files a command writes: none of a result that is worse, unsolved, unproven or missed."""
+
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import flighttune as ft
+from flighttune.base.files import load
+from flighttune.cli import aircraft, explain, gains
+from flighttune.outputs.answers.answer import Answer
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def written(folder):
+    return sorted(x.relative_to(folder).as_posix() for x in folder.rglob("*") if x.is_file())
+
+
+def saved(file):
+    """Write a file, as results do."""
+    Path(file).parent.mkdir(parents=True, exist_ok=True)
+    Path(file).write_text("saved")
+    return Path(file)
+
+
+def verb(made, **given):
+    """A verb that the user gave these options; it returns the same for all others."""
+
+    def call(*_, **keywords):
+        call.keywords = keywords
+        return made
+
+    return partial(call, **given), call
+
+
+@pytest.mark.parametrize("better", [True, False])
+@pytest.mark.parametrize("out", [Path("new.params"), None])
+def test_parameters_are_written_if_they_are_better(folder, better, out):
+    made = SimpleNamespace(better=better, save_parameters=saved, answer=Answer)
+    search, called = verb(made, autopilot="mine.params")
+
+    said = gains.meet(search, "circuit@3", None, out)
+
+    kept = better and out is not None
+    assert written(folder) == ["new.params"] * kept
+    assert said.files == {"out": out if kept else None}
+    assert called.keywords["kept"] == Path("runs/circuit-searched-unfinished.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("stated", "out", "page", "words"),
+    [
+        ("mine.params", "mine.params", None, "must be another file than --with"),
+        ("mine.param", "new.params", None, "must end in .param or .parm"),
+        ("mine.parm", "new.params", None, "must end in .param or .parm"),
+        ("mine.params", "new.parm", None, "must end in .params"),
+        ("mine.txt", "new.json", None, "must end in .params or .param or .parm"),
+        ("mine.params", None, "page.html", "--page must be absent with --with"),
+    ],
+)
+def test_parameters_keep_the_format_of_their_file_and_leave_it(folder, stated, out, page, words):
+    search, called = verb(SimpleNamespace(better=True), autopilot=stated)
+
+    with pytest.raises(ft.InputError, match=words):
+        gains.meet(search, "circuit", page and Path(page), out and Path(out))
+    assert not hasattr(called, "keywords")
+    assert written(folder) == []
+
+
+@pytest.mark.parametrize("solved", [True, False])
+@pytest.mark.parametrize("proven", [True, False])
+def test_a_tuning_writes_the_bound_that_it_proved_and_its_answer(folder, solved, proven):
+    bound = SimpleNamespace(save=saved) if proven else None
+    made = SimpleNamespace(solved=solved, bound=bound, answer=Answer)
+    tuning, called = verb(made)
+
+    said = gains.tune(
+        tuning, "paper", {}, Path("x.json"), Path("p.json"), None, frontier=False, points=None
+    )
+
+    assert called.keywords == {"prove": True}
+    assert written(folder) == ["p.json"] * proven + ["x.json"]
+    assert said.files["page"] is None
+    gains.tune(tuning, "paper", {}, None, None, None, frontier=False, points=None)
+    assert called.keywords == {"prove": False}
+    page = Path("x.html")
+    if not solved:
+        unsolved = gains.tune(tuning, "paper", {}, None, None, page, frontier=False, points=None)
+        assert unsolved.files["page"] is None
+
+
+@pytest.mark.parametrize("proven", [True, False])
+def test_certify_writes_a_certificate_if_there_is_one(folder, proven):
+    made = SimpleNamespace(
+        certificate=SimpleNamespace(save=saved) if proven else None, answer=Answer
+    )
+
+    said = gains.certify(verb(made)[0], "paper", Path("c.json"), None)
+
+    assert written(folder) == ["c.json"] * proven
+    assert said.files == {"proof": Path("c.json") if proven else None, "figure": None}
+
+
+@pytest.mark.parametrize(("missed", "dry"), [("", False), ("", True), ("slow", False)])
+def test_a_design_that_misses_or_only_tries_writes_nothing(folder, missed, dry):
+    made = SimpleNamespace(
+        missed=missed, answer=Answer, save=lambda out: {"written": saved(out / "aircraft.toml")}
+    )
+
+    said = aircraft.design(verb(made)[0], "aerosonde", Path("mine"), dry_run=dry)
+
+    kept = not (missed or dry)
+    assert written(folder) == ["mine/aircraft.toml"] * kept
+    assert (said.files["written"] is not None) == kept
+
+
+@pytest.mark.parametrize("out", [None, Path("c.html"), Path("c.rrd")])
+def test_runs_that_cannot_be_compared_are_not_written(folder, out):
+    made = SimpleNamespace(answer=partial(Answer, failure="other aircraft", status=2))
+
+    said = explain.compare(verb(made)[0], "a", None, out)
+
+    assert written(folder) == []
+    assert said.files == {"recording": None, "page": None}
+    assert (said.failure, said.status) == ("other aircraft", 2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "flights", "out", "counted", "named"),
+    [
+        ("scenario", None, None, "runs/turn-band.npz", "runs/turn-band.npz"),
+        ("scenario", 9, Path("x.npz"), "x.npz", "x.npz"),
+        (load.BAND, None, None, None, None),
+        (load.BAND, 9, None, None, "some/turn.npz"),
+        (load.BAND, 9, Path("x.npz"), "x.npz", "x.npz"),
+    ],
+)
+def test_a_band_is_written_where_it_was_unless_another_file_is_given(
+    monkeypatch, kind, flights, out, counted, named
+):
+    monkeypatch.setattr(load, "kind_of", lambda _: kind)
+    count, called = verb(SimpleNamespace(answer=lambda file: Answer(notes=[f"of {file}"])))
+
+    said = explain.band(count, "some/turn.npz", flights, out)
+
+    assert called.keywords == {"out": counted and Path(counted)}
+    assert said.files == {"band": named and Path(named), "page": None}
+    file = counted or "some/turn.npz"
+    assert said.notes == [f"of {file}", f"A page with its flights: flighttune report {file}"]
