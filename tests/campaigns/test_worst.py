@@ -207,6 +207,8 @@ def test_the_flights_of_a_tube_are_searched_and_stay_inside(proven):
     # the batch and a flight alone differ by rounding, and the bounds in the file by their margin
     assert tube.bounds.of(ERRORS).share(flown.signals) == pytest.approx(worst.value, abs=1e-6)
     assert abs(worst.drawn["flight.chi_deg"]) <= np.degrees(0.01)
+    for channel, ratio in worst.ratio.items():  # of one of the flights of the search
+        assert 1.0 - 1e-6 <= worst.ratio_of_search[channel] <= ratio + 1e-6
     assert worst.value == pytest.approx(ft.worst(tube, budget=32, workers=1).value, abs=1e-6)
 
 
@@ -238,6 +240,13 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
 def test_a_tube_has_flights_and_metric_of_its_own(proven, options, words):
     with pytest.raises(ft.InputError, match=words):
         ft.worst(proven[0], workers=1, **options)
+
+
+def test_a_tube_without_bounds_has_no_worst(proven):
+    open_tube = replace(proven[0], status="not_bounded", reason="too wide")
+
+    with pytest.raises(ft.InputError, match=r"must be bounded, got one that is not: too wide\."):
+        ft.worst(open_tube, workers=1)
 
 
 def test_a_tube_of_one_flight_has_no_worst():

@@ -138,3 +138,24 @@ def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
     expected = G / V_A * (n_z * np.sin(phi) / np.cos(middle) - np.tan(phi))
     assert found.d[:, 0] == pytest.approx(expected, abs=2e-4)
     assert np.abs(found.d[:, 1]).max() < NOTHING
+
+
+def test_bounds_of_a_mismatch_are_its_largest_norms():
+    d = np.array([[0.0, 0.1], [0.03, -0.04], [-0.12, 0.05]])
+    d_dot = np.array([[0.3, -0.4], [-0.5, -1.2]])
+
+    found = residual.Mismatch(t=np.arange(3.0), d=d, d_dot=d_dot)
+
+    assert found.bound == pytest.approx(0.13)
+    assert found.L_d == pytest.approx(1.3)
+
+
+def test_the_exact_law_has_no_mismatch_with_the_point_mass():
+    scenario = ft.scenario_from(SCENARIO.as_dict() | {"law": ["exact"]})
+    (run,) = ft.fly(scenario, plants={"own": lambda: ft.loop.PointMassPlant(g=9.81)}).runs[-1:]
+
+    found = residual.mismatch(run)
+
+    assert np.ptp(run.signals["gamma"]) > 0.1
+    assert np.ptp(run.signals["phi_cmd"]) > 0.1
+    assert found.bound < 2e-4

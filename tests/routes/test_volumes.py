@@ -4,6 +4,7 @@ import json
 import math
 
 import fastkml
+import numpy as np
 import pytest
 import shapely
 from lxml import etree
@@ -12,6 +13,7 @@ from plans import plan_file, waypoint
 import flighttune as ft
 from flighttune.routes import volumes as volumes_of
 from flighttune.routes.fence import fence_tables, read_fence
+from flighttune.routes.path import Ability, Waypoint, plan
 from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume, VolumesMap
 
 SEEN = "{http://www.opengis.net/kml/2.2}"
@@ -126,3 +128,30 @@ def test_volumes_are_known_from_other_maps_by_their_heights_over_ground(written,
     other.write_text(json.dumps({"type": "FeatureCollection", "features": []}))
 
     assert [volumes_of.are_in(file) for file in (*written.values(), other)] == [True, True, False]
+
+
+def test_sizes_of_a_volume_are_rounded_outwards_to_decimetres():
+    volume = Volume(12.34, -3.21, 45.67, "")
+
+    assert volume.outwards[:3] == pytest.approx((12.4, -3.3, 45.7))
+    assert volume.outwards.outwards == volume.outwards
+
+
+@pytest.mark.parametrize("turns", [1.0, -1.0, 0.0])
+def test_the_area_around_a_path_holds_every_place_within_its_width(turns):
+    """On the outside of circles of 60 m, and all around both ends of the path, or of a leg."""
+    ability = Ability(V_a=15.0, wind=0.0, phi=0.7, phi_rate=1.0, gamma=(-0.2, 0.2), g=9.81)
+    circles = Waypoint(north=300.0, east=0.0, turns=turns, radius=60.0)
+    path = plan([Waypoint(north=0.0, east=0.0), circles], ability)
+    width, around = 40.0 if turns == 0.0 else 4.0, np.linspace(0.0, 2.0 * np.pi, 2000)
+    s = np.linspace(0.0, path.length, 3000)
+
+    outer, *inner = volumes_of.rings_around(path, width)
+
+    ends = path.beside(np.array([0.0, path.length]))[:, None, :2]
+    rings = (ends + width * np.stack([np.cos(around), np.sin(around)], axis=1)).reshape(-1, 2)
+    sides = [path.beside(s, side * width)[:, :2] for side in (-1.0, 1.0)]
+    area = shapely.Polygon(outer, inner)
+    assert shapely.covers(area, shapely.points(np.concatenate([rings, *sides]))).all()
+    # a chord of 10 m is 10^2 / (8 * 60) m from the circle
+    assert area.area < shapely.LineString(path.beside(s)[:, :2]).buffer(width + 0.25).area
