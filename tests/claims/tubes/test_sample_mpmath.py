@@ -57,7 +57,7 @@ def by_the_paper_s_law(loop, x, e):
         without = (ahead / mp.cos(x[2]) if i else 0) + dot(law.K_P, e) + x[4 + i]
         without += mpf(float(loop.reference[1, 2 + i]))
         command = limited(without + increment, in_force[i], law)
-        if (without + increment - command) * increment > 0:
+        if loop.law.conditional and (without + increment - command) * increment > 0:
             # Of an increment outwards only what reaches the limit is taken.
             spare = command - without
             increment = spare if spare * increment > 0 else mpf(0)
@@ -136,13 +136,25 @@ def boxed(centres, sizes, rng):
     ("boxes", "points"), [(8, 4), pytest.param(25, 16, marks=pytest.mark.counts)]
 )
 @pytest.mark.parametrize(
-    ("exact", "plant"),
-    [(False, KINEMATIC), (True, POINT), (True, KINEMATIC), ("fed back", KINEMATIC)],
+    ("exact", "plant", "samples", "anti_windup"),
+    [
+        # What limits of the paper's law remove is remembered for the sample after.
+        (False, KINEMATIC, 2, "conditional"),
+        (False, KINEMATIC, 1, "none"),
+        (True, POINT, 1, "conditional"),
+        (True, KINEMATIC, 1, "conditional"),
+        ("fed back", KINEMATIC, 1, "conditional"),
+    ],
 )
 @pytest.mark.usefixtures("thirty_digits")
-def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
+def test_a_sample_holds_points_to_thirty_digits(exact, plant, samples, anti_windup, boxes, points):
     scenario, gains = with_law(
-        plant, exact=bool(exact), chi_err_deg=0.0, gamma_deg=10.0, gamma_ref_deg=10.0
+        plant,
+        exact=bool(exact),
+        chi_err_deg=0.0,
+        gamma_deg=10.0,
+        gamma_ref_deg=10.0,
+        anti_windup=anti_windup,
     )
     loop = stated_problem(scenario, gains, disturbance=D).loop
     columns = sample_module.RATES if exact else sample_module.PLANNED
@@ -179,7 +191,9 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
         centres.append([chi, gamma, phi, extra, *integral, *error, *expected])
     pieces = boxed(np.array(centres), sizes, rng)
     sets = pieces.values[:, :n, : 1 + n].copy()
-    _, met = enclosure_of(loop, pieces, Search(loop)).sample(1)
+    enclosure, met = enclosure_of(loop, pieces, Search(loop)), np.zeros(2, dtype=bool)
+    for k in range(1, 1 + samples):
+        met |= enclosure.sample(k)[1]
     slack = np.abs(pieces.values[:, :n, 1 + n :]).sum(axis=2) + pieces.err[:, :n]
     for before, after, more in zip(sets, pieces.values[:, :n, : 1 + n], slack, strict=True):
         for i in range(points):
@@ -188,10 +202,9 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
             exactly = [mpf(1), *map(mpf, xi.tolist())]
             d = [mpf(float(ends[rng.integers(2)])) for ends in loop.boxes[1]]
             x = [dot(row, exactly) for row in before]
-            off = [
-                abs(value - dot(row, exactly))
-                for value, row in zip(flown(loop, x, d), after, strict=True)
-            ]
+            for _ in range(samples):
+                x = flown(loop, x, d)
+            off = [abs(value - dot(row, exactly)) for value, row in zip(x, after, strict=True)]
             outside.append([float(a - mpf(float(b))) for a, b in zip(off, more, strict=True)])
     assert met.all()
     assert len(outside) == boxes * points
