@@ -10,6 +10,9 @@ from made_up_band import count_of
 from scipy.stats import binomtest
 
 import flighttune as ft
+from flighttune.claims import mission
+from flighttune.outputs.answers import mission as answers
+from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.answers.band import answer, summary
 from flighttune.routes import maps
 
@@ -137,6 +140,46 @@ def test_a_room_to_turn_back_shares_the_confidence_and_has_its_words(straight):
     assert summary(replace(straight, by_rtk=flown))[2].endswith(
         "below it. Flown by RTK, 2 flights kept to 3 m and 4 m."
     )
+
+
+@pytest.mark.parametrize("missed", ["", "exits are too many"])
+@pytest.mark.parametrize(("east", "left"), [(30.0, False), (3.9, True)])
+def test_a_mission_fails_if_its_fence_or_its_target_per_hour_is_missed(
+    straight, east, left, missed
+):
+    band, said = fenced(straight, east), ["Yes: 0.1 an hour.", "The shares.", "Engines matter."]
+    hourly = SimpleNamespace(answer=lambda: Answer(summary=said, failure=missed))
+    whether, odds, wide, holds = summary(band)
+
+    counted = mission.MissionOdds(band=band, files={}, per_hour=hourly).answer()
+
+    assert bool(counted.failure) == (left or bool(missed))
+    assert counted.failure == (answer(band).failure or missed)
+    first, shares, matters = said
+    lead = [whether, first, matters] if left else [first, matters, whether]
+    assert counted.summary == [*lead, shares, odds, wide, holds]
+    # a terminal has the lead and what a flight is for, and of an answer that is no its odds
+    assert [line for line in counted.summary if line not in counted.aside] == (
+        [*lead, odds, holds] if left else [*lead, holds]
+    )
+
+
+def test_a_path_below_the_ground_is_a_no_beside_an_odds_that_holds(straight, monkeypatch):
+    faults = ["No: the planned path is below the ground."]
+    seen = mission.OverGround({"terrain": 1.0}, changed=["It is low."], faults=faults, notes=["n"])
+    monkeypatch.setattr(answers, "over_ground", lambda *_: seen)
+
+    band = fenced(straight, 30.0)
+    _, odds, wide, holds = summary(band)
+    said = mission.MissionOdds(band=band, files={}, way="It is so.").answer()
+
+    assert said.summary == [faults[0], f"{odds} It is so.", wide, holds]
+    assert said.verdict == faults[0]
+    assert said.failure == "the path or its corridor is below the ground"
+    assert answer(band).verdict in said.notes
+    lost = mission.MissionOdds(band=fenced(straight, 3.9), files={}).answer()
+    assert lost.failure == answer(fenced(straight, 3.9)).failure
+    assert lost.summary[0] == faults[0]
 
 
 def test_a_corridor_without_a_fence_has_odds_and_none_is_claimed_for_too_many_lost(straight):
