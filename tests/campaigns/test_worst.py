@@ -243,7 +243,7 @@ def test_a_tube_has_flights_and_metric_of_its_own(proven, options, words):
 
 
 def test_a_tube_without_bounds_has_no_worst(proven):
-    open_tube = replace(proven[0], status="not_bounded", reason="too wide")
+    open_tube = replace(proven[0], status="unbounded", reason="too wide")
 
     with pytest.raises(ft.InputError, match=r"must be bounded, got one that is not: too wide\."):
         ft.worst(open_tube, workers=1)

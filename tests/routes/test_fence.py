@@ -622,6 +622,8 @@ def test_a_count_that_ended_early_claims_nothing_and_can_go_on(band, box, tmp_pa
     assert not part.claims
     assert part.sentence.startswith("nothing is claimed: the count ended after 24 of 40 flights")
     assert counted.outside == 4
+    with pytest.raises(ft.InputError, match="the band must have a claim, got none"):
+        ft.worst(part, workers=1)
     bound = binomtest(4 + 16, 40, alternative="less").proportion_ci(0.9, method="exact").high
     assert counted.epsilon == pytest.approx(bound, rel=1e-9)
     part.save(tmp_path / "p.npz")
