@@ -75,3 +75,31 @@ def test_the_wind_that_an_aircraft_knows_lags_behind_the_one_there_is():
 
     left = math.exp(-1.0)
     assert known == pytest.approx((2.0 - left, 2.0, 3.0 * left), abs=dt / winds.WIND_ESTIMATE_S)
+
+
+def test_a_path_against_the_wind_is_flown_at_a_fifth_of_the_airspeed_at_least():
+    """North at 25 m/s in 20 m/s against it and 15 m/s across: over ground it would stand still."""
+    sine, wind = 0.1, (-20.0, 15.0, 0.0)
+
+    # lift turns the velocity over ground, 5 m/s, by its part across it: 20 of 25 m/s are along it
+    assert winds.speed_in_wind(0.0, 0.0, 25.0, wind) == pytest.approx(5.0 * 25.0 / 20.0)
+    climb = winds.climb_through_air(0.0, math.asin(sine), 25.0, (-24.0, 0.0, 0.0))
+    assert climb == pytest.approx(sine * 5.0 / 25.0)
+    level = 25.0 * math.sqrt(1.0 - sine**2)
+    gamma = winds.path_over_ground(0.0, sine, 25.0, (-level, 0.0, 0.0))
+    assert gamma == pytest.approx(math.atan2(25.0 * sine, 0.2 * level))
+
+
+def test_where_no_heading_holds_a_course_the_airspeed_is_taken_as_in_still_air():
+    across = (3.0, 30.0, 1.0)
+
+    assert winds.speed_in_wind(0.0, 0.1, 25.0, across) == 25.0
+    assert winds.climb_through_air(0.0, 0.1, 25.0, across) == pytest.approx(math.sin(0.1))
+    assert winds.level_speed(0.0, 0.1, 25.0, across) == pytest.approx(3.0)
+
+
+def test_an_estimate_of_long_samples_is_the_wind_itself():
+    estimate = winds.WindEstimate(2.0 * winds.WIND_ESTIMATE_S)
+    estimate((1.0, 2.0, 3.0))
+
+    assert estimate((5.0, -2.0, 0.0)) == pytest.approx((5.0, -2.0, 0.0))
