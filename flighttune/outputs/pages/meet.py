@@ -66,9 +66,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
             f"{counted['worst_draw']}, with the gains of the start and those found."
         )
     else:
-        excess = -np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
-        worst = np.argsort(-excess, kind="stable")[:PAIRS].tolist()
-        charts = [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
+        charts = [chart(trials, rows, i, k) for i, k in nearest_pairs(rows)]
     start = meeting.scenario.listed_as(meeting.start)
     sets = {start: meeting.start_gains, "found": meeting.gains}
     costs = TEXTS["shares" if counted else "candidates"]
@@ -202,6 +200,12 @@ def _write(
             **{f"{name}.json": json.dumps(gains.as_lists()) for name, gains in sets.items()},
         },
     )
+
+
+def nearest_pairs(rows: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
+    """Pairs of the requirements with the smallest margins, those without a value first."""
+    margins = np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
+    return list(combinations(np.argsort(margins, kind="stable")[:PAIRS].tolist(), 2))
 
 
 def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k: int) -> Chart:

@@ -95,3 +95,12 @@ def test_candidates_are_drawn_by_two_requirements_and_filled_if_they_meet_all_ot
     assert y_1 - up / height * (y_1 - y_0) == pytest.approx(4.0, abs=0.02)
     alone = meet.chart([trial((1.0, 2.0), (0.5, 0.5))], rows[:2], 0, 1)
     assert elements(alone, "circle")[0].get("fill") is None
+
+
+def test_the_requirements_with_the_smallest_margins_are_drawn_against_each_other():
+    def pairs(*margins):
+        return meet.nearest_pairs([{"margin": margin} for margin in margins])
+
+    assert pairs(0.5, -0.2, np.nan, 0.1) == [(2, 1), (2, 3), (1, 3)]
+    assert pairs(0.5, -0.2) == [(1, 0)]
+    assert pairs(0.5) == []
