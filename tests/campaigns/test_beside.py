@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -292,6 +293,28 @@ def test_shares_of_flights_below_an_error_rise_by_one_flight_at_each(made_up):
     assert [row["better"] for row in made_up.accuracy] == [7, 7]
     assert course.x == "course [deg]"
     assert course._seen[0][0] == pytest.approx(x)
+
+
+def test_the_answer_has_both_errors_the_better_draws_and_the_lost_aircraft(made_up):
+    """Seven of seven have a share of at least 0.025^(1/7), which is 59 %."""
+    errors, better, terms, basis = made_up.answer().summary
+
+    assert errors == (
+        "By the largest errors of 7 flights, our law is better in cross track 3.5 m (yours ∞ m) "
+        "and course 3.5 deg (yours ∞ deg). Aircraft lost in 7 flights: your parameters 1 "
+        "(diverged), our law 0."
+    )
+    assert better == (
+        "Draw by draw, our law has the smaller error in 7 for the cross track (59.0 to 100 %) "
+        "and 7 for the course (59.0 to 100 %) of 7."
+    )
+    assert "Margins" in terms
+    assert basis.startswith("What flies for you are the equations of ")
+    said = replace(made_up, rows=made_up.rows.assign(reason="it falls.")).answer()
+    assert said.values["lost"] == {"yours": 1, "ours": 0}
+    assert [x.title for x in said.tables[1:3]] == ["lost of yours", "lost of ours"]
+    assert [len(x.records) for x in said.tables[1:3]] == [1, 0]
+    assert said.tables[1].records[0]["run"] == 6  # the draw
 
 
 @pytest.mark.slow

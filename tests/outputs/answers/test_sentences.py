@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from claimed import claimed
 from made_up import made_up_run, made_up_scenario
 from printed import MARKED, MODEL
 
@@ -16,6 +17,7 @@ from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import Margins
 from flighttune.control.tuning.noise import Noise, Rms
 from flighttune.control.tuning.result import Diagnosis
+from flighttune.flight.loop.run import Alarm
 from flighttune.gaps.compare import Pair
 from flighttune.gaps.of_log import LogGap
 from flighttune.outputs.answers import (
@@ -417,6 +419,47 @@ def test_facts_of_a_run_end_with_its_errors_in_degrees():
     assert said["flown"] == "0.5 s, 2 samples"
     assert said["signals"] == "chi_err, gamma_err"
     assert said["gains"].startswith("K_P [1.6968, 0.5906; -0.5906, 1.9556], K_I [3.4869,")
+
+
+IN, OUT, ALARM = (-0.1, 0.1), (0.1, 0.2), Alarm(3.0, "turn")
+
+
+@pytest.mark.parametrize(
+    ("claims", "failure", "status", "summary"),
+    [
+        ([("counted", OUT, {})], "", 1, 0),
+        ([("proven", IN, {})], "", 1, 0),
+        ([("proven", OUT, {})], "kinematic / paper: the flight leaves its tube.", 1, 0),
+        ([("counted", IN, {"alarm": ALARM})], "kinematic / paper: Alarm at 3.00 s: the turn", 1, 0),
+        ([("proven", OUT, {"no_claim": "other air"})], "kinematic / paper: ", 2, 1),
+        (
+            [("counted", OUT, {"no_claim": "other air"}), ("proven", OUT, {})],
+            "kinematic / paper: the flight leaves its tube.", 1, 1,
+        ),
+        (
+            [("counted", OUT, {"no_claim": "other air", "alarm": ALARM})],
+            "kinematic / paper: ", 2, 1,
+        ),
+    ],
+)  # fmt: skip
+def test_a_flight_fails_a_proof_that_it_leaves_or_an_alarm_and_no_claim_is_could_not_say(
+    claims, failure, status, summary
+):
+    run = made_up_run({"chi_err": [0.0, 0.0]}, [0.0, 0.5])
+    for kind, ends, changes in claims:
+        *before, last = claimed(run, kind, "tube", chi_err=ends).claims
+        run = replace(run, claims=(*before, replace(last, **changes)))
+
+    said = run_answers.claimed([run])
+
+    assert said.failure.startswith(failure)
+    assert bool(said.failure) == bool(failure)
+    assert (said.status, len(said.summary)) == (status, summary)
+    rows = said.values["claims"]
+    assert [row["inside"] for row in rows] == [ends is IN for _, ends, _ in claims]
+    assert not set(said.summary) & set(said.notes)
+    assert said.notes[-1].startswith("Claims are drawn as their files state them")
+    assert run_answers.claimed([]).notes == []
 
 
 def outcome(*groups):
