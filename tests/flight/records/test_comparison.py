@@ -56,6 +56,21 @@ def test_the_largest_distance_is_that_of_pythagoras(fly_line, flown, distance):
         assert pair.t_max_distance == 20.0
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_runs_are_as_far_apart_as_both_were_flown_and_the_longer_is_drawn(fly_line, order):
+    """At 0.1 m/s they are half a metre apart after the 5 s of the shorter."""
+    whole, drifting = fly_line(), fly_line(drift=(0.1, 0.0, 0.0))
+    short = dataclasses.replace(drifting, signals=drifting.signals.loc[:5.0])
+
+    (pair,) = ft.compare(*[whole, short][::order]).pairs
+    drawn = compare.overlaid(ft.compare(whole, short, drifting))
+
+    assert pair.max_distance == pytest.approx(0.5, abs=MICROMETRE)
+    assert pair.t_max_distance == pytest.approx(5.0)
+    assert (pair.a.duration, pair.b.duration) == (5.0, 5.0)
+    assert sorted(run.duration for run in drawn) == [5.0, 20.0, 20.0]
+
+
 def test_a_log_without_places_is_at_no_distance(fly_line):
     run = fly_line()
     log = dataclasses.replace(run, signals=run.signals.drop(columns=["north", "east", "down"]))
