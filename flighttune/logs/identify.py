@@ -110,6 +110,7 @@ class LogIdentification(Drawn):
     channels: Mapping[model_file.Channel, ChannelOfLogs]
     untold: Mapping[str, str]  # why a channel cannot be identified, by its name
     names: tuple[str, ...]  # names of the logs
+    assumed: tuple[str, ...] = ()  # channels with an assumed bandwidth
 
     @property
     def title(self) -> str:
@@ -122,7 +123,7 @@ class LogIdentification(Drawn):
         """Why there is no model, and the remedy; empty with a model."""
         if self.identified is not None:
             return ""
-        name, reason = next(iter(self.untold.items()))
+        name, reason = next(x for x in self.untold.items() if x[0] not in self.assumed)
         return f"{reason}; assume its bandwidth, --assume {name}=RAD_S, or give logs that show it"
 
     def save(self, path: str | Path | None = None) -> dict[str, Path | None]:
@@ -247,7 +248,9 @@ def _identify_logs(
     identified = None
     if set(untold) <= set(assume):
         identified = _aircraft(runs, names, channels, assume)
-    return LogIdentification(identified=identified, channels=channels, untold=untold, names=names)
+    return LogIdentification(
+        identified=identified, channels=channels, untold=untold, names=names, assumed=(*assume,)
+    )
 
 
 def speed_of(run: Run) -> FloatArray:

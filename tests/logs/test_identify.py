@@ -161,6 +161,22 @@ def test_of_an_aircraft_nothing_is_assumed():
             ft.identify("aerosonde", **options)
 
 
+def test_every_channel_that_logs_cannot_tell_must_be_assumed(tmp_path):
+    t = np.arange(0.0, 60.0, 0.1)
+    table = {"t_s": t, "phi_deg": 20.0 * np.sin(0.5 * t), "v_north": 20.0, "v_east": 0.0}
+    pd.DataFrame(table).to_csv(tmp_path / "flight.csv", index=False)
+
+    for assume, missing in (({"n_z": 5.0}, "phi"), ({"phi": 5.0}, "n_z")):
+        found = ft.identify(tmp_path / "flight.csv", assume=assume)
+
+        assert found.identified is None
+        assert {*found.untold} == {"phi", "n_z"}
+        assert f"--assume {missing}=RAD_S" in found.missing
+    both = ft.identify(tmp_path / "flight.csv", assume={"phi": 3.0, "n_z": 5.0}).identified
+    lags = [lag.natural_frequency for lag in both.conditions[0].lags]
+    assert lags == [3.0, 5.0]
+
+
 @pytest.mark.slow
 def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
     t, signals = sampled(flight)
