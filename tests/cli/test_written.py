@@ -153,3 +153,45 @@ def test_a_band_is_written_where_it_was_unless_another_file_is_given(
     assert said.files == {"band": named and Path(named), "page": None}
     file = counted or "some/turn.npz"
     assert said.notes == [f"of {file}", f"A page with its flights: flighttune report {file}"]
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+@pytest.mark.parametrize("counted", [True, False])
+def test_a_tube_is_written_if_it_is_bounded_and_boxes_that_were_counted_for_it_are_too(
+    folder, bounded, counted
+):
+    made = SimpleNamespace(
+        status="bounded" if bounded else "unbounded", save=saved,
+        problem=SimpleNamespace(band=SimpleNamespace(save=saved) if counted else None),
+        answer=lambda gains: Answer(notes=[gains]),
+    )  # fmt: skip
+    enclose, called = verb(made)
+
+    said = explain.tube(enclose, "some/turn.toml", "paper", None, "0.25", None)
+
+    assert called.keywords == {"boxes": None, "disturbance": 0.25, "progress": None}
+    files = ["runs/turn-boxes.npz"] * counted + ["runs/turn-tube.npz"] * bounded
+    assert written(folder) == files
+    assert said.files["proof"] == (Path("runs/turn-tube.npz") if bounded else None)
+    assert ("boxes" in said.files) == counted
+    assert said.notes == ["paper"]
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "out", "words"),
+    [
+        ("much", None, "--disturbance: must be a number, got 'much'"),
+        ("largest", Path("t.npz"), "must be a number with --boxes or --out, got largest"),
+    ],
+)
+def test_a_disturbance_is_a_number_or_the_largest_alone(disturbance, out, words):
+    with pytest.raises(ft.InputError, match=words):
+        explain.tube(verb(None)[0], "turn", None, out, disturbance, None)
+
+
+def test_the_worst_flight_and_a_monitor_are_written_where_they_are_asked():
+    worst = SimpleNamespace(save=saved, answer=Answer)
+    assert explain.worst(verb(worst)[0], Path("w.toml")).files == {"scenario": Path("w.toml")}
+    monitor = SimpleNamespace(answer=lambda file: Answer(notes=[str(file)]))
+    said = explain.monitor(verb(monitor)[0], Path("m.npz"))
+    assert (said.notes, said.files) == (["m.npz"], {"monitor": Path("m.npz")})

@@ -13,8 +13,10 @@ from printed import MARKED, MODEL
 import flighttune as ft
 from flighttune.campaigns.engine.engine import CampaignOutcome
 from flighttune.campaigns.planning.plan import Group
+from flighttune.claims.verify import Verified
 from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import Margins
+from flighttune.control.theory.exact import Check, Verification
 from flighttune.control.tuning.noise import Noise, Rms
 from flighttune.control.tuning.result import Diagnosis
 from flighttune.flight.loop.run import Alarm
@@ -459,6 +461,11 @@ def test_a_flight_fails_a_proof_that_it_leaves_or_an_alarm_and_no_claim_is_could
     assert [row["inside"] for row in rows] == [ends is IN for _, ends, _ in claims]
     assert not set(said.summary) & set(said.notes)
     assert said.notes[-1].startswith("Claims are drawn as their files state them")
+    assert "alarm" not in rows[-1]
+    *before, last = run.claims
+    scored = replace(run, claims=(*before, replace(last, units={"alarm_score": "1"})))
+    alarm = run_answers.claimed([scored]).values["claims"][-1]["alarm"]
+    assert alarm == (last.alarm and {"at_s": 3.0, "why": "turn"})
     assert run_answers.claimed([]).notes == []
 
 
@@ -597,6 +604,38 @@ def test_a_proof_of_an_exact_rate_states_that_of_the_slowest_eigenvalue_without_
 
     assert said.startswith("Proven: errors shrink as ")
     assert f"(true rate {slowest:.4g} 1/s) for the linear model. R_K" in said
+
+
+@pytest.mark.parametrize(
+    ("margins", "checked", "source", "verdict", "failure"),
+    [
+        ((0.5, 0.25), True, "c.json", "proven: ", ""),
+        ((0.5, -0.25), True, "c.json", "claimed, not proven: ", "c.json: b does not hold: margin "),
+        ((0.5, 0.25), False, "", "claimed, not checked: ", "it was not flown."),
+    ],
+)
+def test_a_claim_is_valid_if_every_check_holds_and_unchecked_is_said(
+    certified, margins, checked, source, verdict, failure
+):
+    checks = [
+        Check(name=name, margin=x, exact=x > 0.0) for name, x in zip("ab", margins, strict=True)
+    ]
+    found = replace(Verification.of(checks), notes=("a note",))
+    if not checked:
+        found = replace(found, checked=False, valid=False, reason="it was not flown.")
+    claim = replace(certified.certificate, files={})
+
+    said = Verified(claim=claim, verification=found, source=source).answer()
+
+    assert said.verdict == f"{verdict}{claim.sentence}"
+    assert said.failure.startswith(failure)
+    assert bool(said.failure) == bool(failure)
+    assert [row["exact"] for row in said.tables[0].records] == [x > 0.0 for x in margins]
+    title = f"{source}: valid: every check holds" if not failure else ""
+    assert said.summary[:1] == ([f"{title}."] if title else [])
+    assert bool(said.tables[0].title) == bool(failure)
+    assert ("a note" in said.notes) == (not failure)
+    assert said.values["valid"] == (not failure)
 
 
 def test_a_proof_says_that_a_norm_decays_at_half_the_rate_of_its_square(certified):
