@@ -420,3 +420,32 @@ def test_a_file_of_gains_keeps_the_feedback(tmp_path):
     file.write_text(json.dumps({**fed_back().as_lists(), "feedback": [1.5, 0.0]}))
     with pytest.raises(ft.ScenarioError, match=r"fed\.json: `feedback"):
         ft.load_gains(file)
+
+
+def test_three_channels_command_the_rates_and_the_thrust_of_their_gains():
+    """By hand: nu = ref' + K_P e, lift V cos(gamma) nu_chi / g, thrust sin(gamma) + V nu_V / g."""
+    K_P = np.array([[1.4, 0.0, 0.3], [0.0, 1.2, 0.2], [0.1, 0.05, 0.5]])
+    gains = ft.PIGains.from_lists(K_P, np.diag([0.7, 0.6, 0.4]), law="exact")
+    here = seen(0.3, 0.05, 24.0)._replace(n_x=(0.1, -1.0, 1.0))
+    reference = ft.loop.ReferenceSample(0.33, 0.08, 0.02, -0.01, V=25.0, V_dot=0.5)
+    law = ft.loop.ExactLaw(gains, dt=DT)
+    law.start(ft.loop.FlightCondition(V_a=24.0))
+
+    phi, n_z, n_x, *_ = law.step(here, reference, 0.0)
+
+    nu = np.array([0.02, -0.01, 0.5 / 25.0]) + K_P @ [0.03, 0.03, 1.0 / 25.0]
+    side, lift = 24.0 * math.cos(0.05) * nu[0] / G, 24.0 * nu[1] / G + math.cos(0.05)
+    assert (phi, n_z) == pytest.approx((math.atan2(side, lift), math.hypot(side, lift)), abs=1e-9)
+    assert n_x == pytest.approx(math.sin(0.05) + 25.0 * nu[2] / G, abs=1e-9)
+
+
+def test_a_brake_is_by_the_slower_of_both_rates():
+    """The brake is twice its share of the rate, here up 2 and down 0.5 per second, or back."""
+    both = []
+    for down, up in ((-0.5, 2.0), (-2.0, 0.5)):
+        bounds = ft.loop.Limits(
+            lower=[-1.0, 0.0], upper=[1.0, 2.0], rate_lower=[-9.0, down], rate_upper=[9.0, up]
+        )
+        both.append(ft.loop.ExactLaw(GAINS, bounds, dt=DT, braking=0.25).law.brake)
+
+    assert both == pytest.approx([2.0 * 0.25 * 0.5] * 2)
