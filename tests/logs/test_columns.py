@@ -132,6 +132,25 @@ def test_a_circle_shows_wind_and_unit_of_the_airspeed_with_and_without_a_nose(no
     assert found[1] == pytest.approx(wind, abs=0.01)
 
 
+@pytest.mark.parametrize(("share", "told"), [(0.85, False), (1.15, True)])
+def test_wind_and_unit_are_told_apart_where_headings_are_wide_enough_for_a_fifth(share, told):
+    """The error of a slope is that of the values over the spread of the headings and the time.
+
+    Values err by at least `UNSTEADY` for 5 s, and a swing has half the square of its size.
+    """
+    dt, V_a, lasting = 0.1, 20.0, 240.0
+    least = math.sqrt(2.0 * 5.0 / lasting) * relations.UNSTEADY / (0.2 * V_a)
+    psi = share * least * np.sin(0.1 * math.pi * dt * np.arange(round(lasting / dt)))
+    given = {"phi": 0.0 * psi, "V_a": V_a + 0.0 * psi, "psi": psi}
+    given |= {"v_north": V_a * np.cos(psi) + 3.0, "v_east": V_a * np.sin(psi)}
+
+    found = relations.wind_triangle(relations.Motion(given, dt))
+
+    assert isinstance(found, str) != told
+    if not told:
+        assert found.startswith("the log is of one heading")
+
+
 @pytest.mark.parametrize(
     ("factor", "told"), [(0.51, False), (0.9, True), (1.2, True), (1.94, False)]
 )
