@@ -199,6 +199,41 @@ def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
         assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
 
 
+def test_each_bar_of_itae_stands_where_the_one_before_ends(paper_gap):
+    metrics = paper_gap.flown().metrics["ITAE"]
+    for channel in ("chi", "gamma"):
+        chart = charts.itae_chart(paper_gap, channel)
+        lows, tops = (y for _, y in chart._seen[:2])
+        levels = [metrics[run.label, channel] for run in paper_gap.runs]
+        between = np.sort([levels[:-1], levels[1:]], axis=0)
+        assert lows == pytest.approx([0.0, *between[0], 0.0])
+        assert tops == pytest.approx([levels[0], *between[1], levels[-1]])
+        drawn = [y.tolist() for _, y in chart._seen[2:] if len(y) == 2]
+        assert drawn == [pytest.approx([level] * 2) for level in levels]
+        assert chart.y_range[0] <= 0.0 < max(levels) < chart.y_range[1]
+
+
+def test_steps_rungs_and_the_mismatch_are_drawn_in_degrees(paper_gap):
+    for i, channel in enumerate(("chi", "gamma")):
+        adds = charts.steps_chart(paper_gap, channel)
+        reference, *rungs = charts._rungs(paper_gap, channel)._seen
+        flown = [np.degrees(np.unwrap(run.signals[channel])) for run in paper_gap.runs]
+        *steps, whole = [y for _, y in adds._seen]
+        for (_, y), own in zip(rungs, flown, strict=True):
+            assert np.ptp(y) == pytest.approx(np.ptp(own))
+            assert y[-1] == pytest.approx(own[-1])
+        for step, lower, upper in zip(steps, flown[:-1], flown[1:], strict=True):
+            assert step[-1] == pytest.approx((upper - lower)[-1])
+        assert whole[-1] == pytest.approx((flown[-1] - flown[0])[-1])
+        assert [name for name, *_ in adds.legend][-1] == "sum"
+        wanted = paper_gap.runs[0].signals[f"{channel}_ref"].to_numpy()
+        assert reference[1][-1] == pytest.approx(np.degrees(wanted[-1]))
+        ((_, d),) = charts._mismatch(paper_gap, channel)._seen
+        largest = np.degrees(np.abs(paper_gap.mismatch.d[:, i]).max())
+        assert np.abs(d).max() == pytest.approx(largest)
+        assert adds.x_range == (0.0, paper_gap.aircraft.duration)
+
+
 def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
     run = paper_gap.aircraft
     error = run.signals["chi_err"]
@@ -207,6 +242,13 @@ def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
     chart = charts.bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], banded)), "chi")
 
     assert "counted band, left" in [name for name, *_ in chart.legend]
+    (_, shown), (_, low), (_, high) = chart._seen
+    assert [x[-1] for x in (shown, low, high)] == pytest.approx(
+        np.degrees(error.iloc[-1] + np.array([0.0, -0.1, -0.05]))
+    )
+    inside = claimed(run, chi_err=(error - 0.1, error + 0.1))
+    other = charts.bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], inside)), "chi")
+    assert "counted band, flight inside" in [name for name, *_ in other.legend]
     assert "nothing is claimed" not in chart.title
     assert "nothing is claimed" in charts.bound_chart(paper_gap, "chi").title
 
