@@ -50,6 +50,22 @@ def test_what_may_help_is_said_and_nothing_else(change, bound, said):
     assert bool(line) == bool(said)
 
 
+@pytest.mark.parametrize(
+    ("name", "samples", "said"), [("phi", 4, False), ("phi", 7, True), ("n_z", 7, True)]
+)
+def test_a_command_at_a_limit_for_half_a_second_is_a_cause(name, samples, said):
+    t = 0.1 * np.arange(101)
+    names = ("gamma_err", "gamma_ref", "chi_ref", "phi_cmd", "n_z_cmd", "phi_limited")
+    columns = dict.fromkeys((*names, "n_z_limited"), 0.0 * t)
+    columns |= {"chi_err": 0.1 + 0.0 * t, "n_z": 1.0 + 0.0 * t, "V_a": 25.0 + 0.0 * t}
+    columns[f"{name}_limited"] = np.where((t > 2.05) & (t < 2.05 + 0.1 * samples), 1.0, 0.0)
+    expect = [{"at_most": {"chi": {"peak_deg": 1.0}}}]
+    reference = {"chi_deg": 20.0, "gamma_deg": 0.0}
+    scenario = made_up_scenario(gains=["paper"], reference=reference, expect=expect)
+
+    assert (FEASIBLE in advice(scenario, [made_up_run(columns, t)], "x.toml")) == said
+
+
 @pytest.mark.parametrize(("law", "said"), [("paper", True), ("exact", False)])
 def test_a_schedule_is_advised_to_laws_that_it_changes(law, said):
     tables = ft.load_scenario("speed_change_in_turn").as_dict()

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_up_band import count_of
+from made_up import made_up_scenario
+from made_up_band import count_of, plan_of_paper
 from scipy.stats import binomtest
 
 import flighttune as ft
@@ -197,3 +198,29 @@ def test_a_corridor_without_a_fence_has_odds_and_none_is_claimed_for_too_many_lo
     assert no.endswith("; at most 5 of 29 may.")
     assert ended.startswith("They ended so:")
     assert wide == "No corridor is claimed."
+
+
+def test_widths_are_in_the_units_shown_and_none_are_claimed_for_too_many_lost(straight):
+    flights = plan_of_paper(made_up_scenario()).with_runs(39)
+    errors = count_of(
+        ft.Band, flights, ft.Band.measures.chosen(flights, None), np.radians([2.0, 0.5]), SCORES,
+        epsilon=0.3, confidence=0.9,
+    )  # fmt: skip
+
+    (beside, above), (chi, gamma) = (x.answer().tables[0].records for x in (straight, errors))
+    assert [beside["largest"], above["largest"]] == pytest.approx(HALF, rel=1e-6)
+    assert [beside["low"], beside["high"]] == pytest.approx([-6.234, 3.766], rel=1e-6)
+    assert [above["low"], above["high"]] == pytest.approx([-1.433, 2.567], rel=1e-6)
+    assert [beside["unit"], above["unit"]] == ["m", "m"]
+    assert [chi["largest"], gamma["largest"]] == pytest.approx([2.0, 0.5], rel=1e-6)
+    assert [x["unit"] for x in (chi, gamma)] == ["deg", "deg"]
+    assert [x["signal"] for x in (chi, gamma)] == ["chi_err", "gamma_err"]
+    values = errors.answer().values
+    assert (values["status"], values["flights"]) == ("claimed", 29)
+    assert values["nearest_draw"] == errors.draws[23]  # at the edge of the band
+    lost = replace(errors, extremes=np.full_like(errors.extremes, np.inf)).answer()
+    assert lost.tables[0].records == []
+    assert lost.values["status"] == "nothing_claimed"
+    assert lost.values["nearest_draw"] is None
+    assert lost.verdict == ""
+    assert lost.failure

@@ -141,3 +141,17 @@ def test_a_gain_of_a_channel_goes_from_zero_to_three_times_its_value(value, low,
     assert every["gains[0].K_P[1][0]"].high == 6.0
     # the gains of the channels come before those across them
     assert [x.group for x in every.values()] == ["Gains"] * 4 + ["Gains across channels"] * 4
+
+
+def test_a_feedback_goes_from_zero_to_nearly_one_where_the_law_has_it():
+    gains = {"K_P": [[0.5, 0.0], [0.0, 0.25]], "K_I": [[0.1, 0.0], [0.0, 0.1]]}
+    rates = ft.PIGains(**gains, inputs=("chi_dot", "gamma_dot"), feedback=(0.25, 0.5))
+
+    every = sliders.gain_sliders(rates)
+
+    fed_back = {x.key: x for x in every if "feedback" in x.key}
+    assert [(x.value, x.low, x.high) for x in fed_back.values()] == [
+        (0.25, 0.0, 0.95), (0.5, 0.0, 0.95),
+    ]  # fmt: skip
+    assert [x.label for x in fed_back.values()] == ["feedback of φ", "feedback of n_z"]
+    assert not [x for x in sliders.gain_sliders(ft.PIGains(**gains)) if "feedback" in x.key]

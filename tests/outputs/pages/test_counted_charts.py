@@ -1,6 +1,7 @@
 """Charts of counts hold the band, its flights inside and outside, and the room to turn back."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,3 +129,13 @@ def test_a_mission_with_a_room_spends_the_confidence_of_both(counts):
     assert answers.terms_table(lost, band) == []
     failed = mission.MissionOdds(band=band, files={}).with_room(lost).answer()
     assert failed.failure.startswith("room to turn back: ")
+    assert room.answer().tables[0].title in [table.title for table in said.tables]
+    ended = replace(band, extremes=np.full_like(band.extremes, np.inf))
+    of_band = mission.MissionOdds(band=ended, files={}).with_room(lost).answer()
+    assert of_band.failure == ended.answer().failure
+    files = {"room": "r.npz"}
+    named = mission.MissionOdds(band=band, files=files, file=Path("m.npz"), room=room).answer()
+    notes = " ".join(named.notes)
+    assert "flighttune verify m.npz --run" in notes
+    assert "flighttune verify r.npz --run" in notes
+    assert " ".join(said.notes).count("flighttune verify FILE --run") == 2
