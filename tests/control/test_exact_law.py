@@ -225,6 +225,10 @@ def test_a_climb_that_the_rate_limit_could_not_take_back_is_not_asked_for():
     caught = math.sqrt(2.0 * 0.5 * (G / 25.0) * 1.0 * fast)  # v^2 = 2 a s
     assert law.state.u_unsat[1] == pytest.approx(1.0 + 25.0 * caught / G, abs=ROUNDING)
     assert law.state.limited[1] == 2
+    # and while the command has arrived there
+    command(law, seen(), ft.loop.ReferenceSample(0.0, fast), samples=400)
+    assert law.state.u[1] == law.state.u_unsat[1]
+    assert law.state.limited[1] == 2
 
 
 @pytest.mark.parametrize(("feedback", "stated"), [(0.0, True), (0.3, None), (0.3, False)])
@@ -246,6 +250,9 @@ def test_turns_are_braked_as_stated_or_where_roll_is_fed_back(feedback, stated):
     first = 0.6 * DT  # of which the roll command is capable in a sample
     assert law.state.u_unsat[0] == pytest.approx(roll + feedback * first, abs=ROUNDING)
     assert law.state.limited[0] == 2
+    # a brake holds also while the command has arrived
+    command(law, seen(), ft.loop.ReferenceSample(error, 0.0), samples=400)
+    assert (law.state.limited[0] == 2) == (stated is not False)
 
 
 def test_gains_of_the_papers_law_are_mapped_by_g_over_v():
