@@ -196,6 +196,29 @@ def test_a_lift_pulls_towards_the_reference_above_the_weight_across_the_path():
     assert hint(gamma_err=grows, n_z_unlimited=1.5, phi_unlimited=90.0) == ""  # on its course
 
 
+def test_a_flight_that_misses_requirements_names_the_first_and_the_number_of_the_others():
+    bounds = {"MO_deg": 0.01, "ITAE": 1e-6, "peak_deg": 90.0, "ST_deg": 1e-9}
+    tables = {
+        "gains": ["paper"], "flight": {"duration_s": 9.0}, "reference": {"chi_deg": 5.0},
+        "expect": [{"at_most": {"chi": bounds}}],
+    }  # fmt: skip
+
+    def said(**changes):
+        return ft.fly(made_up_scenario(**tables | changes)).answer()
+
+    missed = said()
+    assert missed.failure == f"{missed.values['missed'][0]} (2 more)"
+    assert len(missed.values["missed"]) == 3
+    assert missed.status == 1
+    one = said(expect=[{"at_most": {"chi": {"ITAE": 1e-6}}}])
+    assert one.failure == one.values["missed"][0]
+    met = said(expect=[{"at_most": {"chi": {"peak_deg": 90.0}}}])
+    assert met.failure == ""
+    assert met.verdict.startswith("1 of 1 requirement met. Tightest: ")
+    assert "status" not in [column.key for column in met.tables[0].columns]
+    assert met.values["claim"]["verdict"] == "met"
+
+
 def test_the_gap_is_asked_of_the_gains_that_flew():
     notes = ft.fly("level_turn", ["K1"], changes={"flight.duration_s": 4.0}).answer().notes
 

@@ -66,6 +66,10 @@ def test_a_lag_that_explains_less_than_nine_tenths_is_a_failure(fit, said):
     assert answer.failure == (f"aerosonde: a lag explains less than 90 % of {said}" if said else "")
     assert f"explain at least {fit:.1f} % of the variance" in answer.summary[0]
     assert answer.notes[1:] == ["left out: it stalls"]
+    roll, lift = answer.tables[0].records
+    assert [roll["gamma_deg"], roll["V_a_mps"]] == pytest.approx([5.0, 25.0])
+    assert [x["channel"] for x in (roll, lift)] == ["phi", "n_z"]
+    assert [x["fit_percent"] for x in (roll, lift)] == [95.0, fit]
 
 
 def test_a_response_is_in_decibel_and_its_phase_unwrapped_in_degrees():

@@ -109,6 +109,33 @@ def test_compared_metrics_are_in_degrees_and_counted_by_the_better_run():
     assert compare.different("x" * 17, "y" * 16) == ""  # 41 characters
 
 
+def test_runs_that_cannot_be_compared_could_not_run_and_others_show_three_measures():
+    made = comparison("abbab")
+    differs = {"wind": (1, 2), "flight.V_a_mps": (20.0, 25.0)}
+    (pair,) = made.pairs
+    four = replace(
+        made, pairs=(pair._replace(differs=differs), *[pair] * 3), missing=("x",), unpaired=("y",)
+    )
+
+    said = four.answer()
+
+    assert (said.failure, said.status) == ("", 2)
+    assert len(said.summary) == 3
+    assert said.changed == [
+        "A and B differ in `flight.V_a_mps` (20.0 and 25.0).",
+        "A and B differ in `wind` (1 and 2).", "Missing: x.", "No partner: y.",
+    ]  # fmt: skip
+    shown, _, every = said.tables
+    assert [row["metric"] for row in shown.records] == ["MO", "settling_s", "ITAE"]
+    assert (len(every.records), every.aside, shown.aside) == (5, True, False)
+    others = replace(made, metrics=made.metrics[~made.metrics["name"].isin(compare.SHOWN)])
+    assert len(others.answer().tables[0].records) == 2
+    assert said.values["max_distance_m"] == 12.0
+    refused = replace(made, reason="other aircraft").answer()
+    assert (refused.failure, refused.status) == ("other aircraft", 2)
+    assert refused.values["comparable"] is False
+
+
 ERRORS = [
     {"of": "cross track", "unit": "m", beside.YOURS: 3.0, beside.OURS: 2.0},
     {"of": "height", "unit": "m", beside.YOURS: 1.5, beside.OURS: 1.5},
