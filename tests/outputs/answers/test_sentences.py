@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -297,6 +298,33 @@ def test_a_search_names_its_start_and_what_became_worse():
     assert meeting.worse_sentence(search(worse=[worse])) == (
         "Worse than with tuned: overshoot of course 2 deg (was 1)."
     )
+
+
+@pytest.mark.parametrize(
+    ("status", "run", "by_default"),
+    [("met", "kinematic", False), ("missed", "by default", True), ("evidence", "kinematic", False)],
+)
+def test_a_search_fails_unless_its_requirements_are_met(monkeypatch, status, run, by_default):
+    monkeypatch.setattr(meeting, "certify_scenario", lambda *_, **__: SimpleNamespace(values={}))
+    rows = [
+        {**row("chi.MO_rad", x, run=run), "why": why, "sense": "at most", "bound": 2.0 * DEG}
+        | {"value": 1.5 * DEG, "start": DEG}
+        for x, why in ((0.25, ""), (0.5, "it never settles"))
+    ]
+    made = search(*rows, status=status)
+
+    said = made.answer()
+
+    assert said.verdict == meeting.sentence(made)
+    assert said.failure == ("" if status == "met" else said.verdict)
+    assert (meeting.BY_DEFAULT_NOTE in said.notes) == by_default
+    assert f"{meeting.subject(rows[1])}: it never settles" in said.notes
+    (first, _) = said.tables[0].records
+    assert first["must_be"] == "at most 2 deg"
+    assert (first["value"], first["start"]) == pytest.approx((1.5, 1.0))
+    level = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    poles = np.linalg.eigvals(ft.loop.closed_loop(level, ft.PAPER_GAINS))
+    assert said.values["spectral_abscissa"] == pytest.approx(poles.real.max(), rel=1e-9)
 
 
 def result_of(**changes):
