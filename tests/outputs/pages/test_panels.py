@@ -65,7 +65,7 @@ def test_the_size_of_the_error_is_drawn_with_its_bound_and_the_ultimate_radius_o
 def test_a_tube_is_in_the_colour_of_its_run_and_a_counted_band_grey_with_dotted_edges():
     signals = {"chi_err": 0.1 * np.sin(T), "gamma_err": 0.0 * T}
     run = made_up_run(signals, T)
-    proven = claimed(run, kind="tube", title="tube", chi_err=(-0.1, 0.3))
+    proven = claimed(run, kind="proven", title="tube", chi_err=(-0.1, 0.3))
     counted = claimed(proven, chi_err=(-0.2, 0.4))
 
     chart, other = panels.errors([(counted, LINE)])

@@ -9,7 +9,7 @@ from figures.aircraft_glb import MODEL, aircraft_mesh, write_glb
 from made_up import made_up_run
 from scipy.spatial.transform import Rotation
 
-from flighttune.outputs.recording import scene
+from flighttune.outputs.recording import entities, scene
 
 ROUNDING = 1e-12
 HALF_VIEW = np.tan(np.deg2rad(27.5))
@@ -165,3 +165,33 @@ def test_arrows_are_along_the_path_in_axes_that_turn_with_it(columns, length):
     assert {*arrows(still)} == {"velocity"}
     nothing = arrows(still | {"V_a": 0.0})
     assert (nothing["velocity"] == 0.0).all()
+
+
+def test_an_aircraft_is_as_wide_as_its_own_else_that_of_its_scenario_else_the_model():
+    """The wings of a Cessna 172 span 10.9 m, those of an Aerosonde 2.9 m."""
+    plants = {"plant": [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "c172p"}]}
+    runs = [
+        made_up_run({}, [], plant=plant, scenario=scenario)
+        for plant, scenario in (
+            ("jsbsim:aerosonde", plants), ("kinematic", plants), ("kinematic", {}),
+            ("jsbsim:nobodys", {}),
+        )
+    ]  # fmt: skip
+
+    spans = [scene.span_of(run) for run in runs]
+
+    assert spans == pytest.approx([2.9, 10.9, scene.MODEL_SPAN, scene.MODEL_SPAN], rel=0.02)
+
+
+def test_positions_of_all_runs_are_those_that_are_numbers():
+    runs = [
+        made_up_run({"north": [0.0, x], "east": [1.0, 2.0], "down": [3.0, y]}, [0.0, 0.1])
+        for x, y in ((5.0, 6.0), (np.nan, 6.0), (5.0, np.inf))
+    ]
+    drawn = entities.runs_to_draw(runs)
+
+    assert scene.all_positions(drawn).tolist() == [
+        [0.0, 1.0, 3.0], [5.0, 2.0, 6.0], [0.0, 1.0, 3.0], [0.0, 1.0, 3.0]
+    ]  # fmt: skip
+    assert [one.number for one in drawn] == [1, 2, 3]
+    assert len({one.key for one in drawn}) == 3

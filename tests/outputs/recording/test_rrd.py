@@ -122,6 +122,26 @@ def test_aircraft_are_where_they_flew_with_their_attitude(contents, four_runs):
         assert body[2, 1] == pytest.approx(right_wing_down, abs=FLOAT32_ROTATION)
 
 
+def test_paths_lie_where_they_were_flown_with_their_shadows_and_numbers(contents, four_runs):
+    (lines,) = contents.static["/world/ground"]["LineStrips3D:strips"].to_pylist()
+    floor = lines[0][0][2]
+    for number, (key, run) in enumerate(zip(KEYS, four_runs, strict=True), start=1):
+        flown = run.signals[["north", "east", "down"]].to_numpy()
+        assert floor > flown[:, 2].max()
+        (pieces,) = contents.static[f"/world/paths/{key}"]["LineStrips3D:strips"].to_pylist()
+        # the path of a law is dashed
+        assert (len(pieces) == 1) == (run.provenance.aircraft is not None)
+        assert pieces[0][0] == pytest.approx(flown[0], abs=FLOAT32_POSITION)
+        assert pieces[-1][-1] == pytest.approx(flown[-1], abs=FLOAT32_POSITION)
+        shadow = contents.static[f"/world/shadows/{key}"]["LineStrips3D:strips"].to_pylist()[0][0]
+        assert shadow[-1] == pytest.approx([*flown[-1, :2], floor], abs=FLOAT32_POSITION)
+        name = contents.static[f"/world/paths/{key}/number"]
+        assert name["Points3D:labels"].to_pylist() == [[str(number)]]
+        ((at,),) = name["Points3D:positions"].to_pylist()
+        back = len(flown) - 1 - (number - 1) * len(flown) // 12
+        assert at == pytest.approx(flown[back], abs=FLOAT32_POSITION)
+
+
 def test_world_axes_are_north_east_down(contents):
     forward_right_down = contents.static["/world"]["ViewCoordinates:xyz"].to_pylist()[0][0]
 
