@@ -17,6 +17,7 @@ LARGEST = 5.0, 2.0  # m: cross track and height of a flight at the edge of the b
 ROOM = 271.2, 3.4  # m
 OUTSIDE = 2.0, 2.0, 3.0, 4.0, np.inf
 SCORES = np.concatenate([np.linspace(0.25, 1.0, 24), OUTSIDE])
+LAT, LON = 47.0, 8.0
 SINGLE = 1e-6  # flights are kept in single precision
 
 
@@ -25,6 +26,7 @@ def counts():
     """A band and a room to turn back of 29 flights along a corner, of which five are outside."""
     places = ((0.0, 0.0), (600.0, 0.0), (600.0, 500.0))
     changes = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in places]}
+    changes |= {"route.lat_deg": LAT, "route.lon_deg": LON}
     flights = ft.flights("circuit", changes=changes).knowing("standard")
     plan = flights.plan(plant="kinematic", gains="paper").with_runs(39)
 
@@ -92,6 +94,42 @@ def test_a_mission_shows_its_map_and_heights_before_its_signals(counts):
     assert north >= 600.0 + widths[-1] - 1.0
     alone = [name for name, *_ in counted.mission_charts(band)[0].legend]
     assert not {*room.volumes(band)} & {*alone}
+
+
+def fence(west, floor, ceiling):
+    """GeoJSON of a box around the route, to `west` of its first leg, m."""
+
+    def at(north, east):
+        # At 47 deg a degree of longitude is 76.06 km on WGS 84, and one of latitude 111.17 km.
+        return [LON + east / 76060.0, LAT + north / 111170.0]
+
+    ring = [at(*x) for x in ((-300, -west), (-300, 900), (900, 900), (900, -west), (-300, -west))]
+    ends = {"min_up_m": floor, "max_up_m": ceiling}
+    area = {"type": "Polygon", "coordinates": [ring]}
+    feature = {"type": "Feature", "properties": ends, "geometry": area}
+    return {"type": "FeatureCollection", "features": [feature]}
+
+
+def test_fences_are_told_apart_with_the_place_and_room_of_what_is_nearest_to_them(counts):
+    """Completed flights are up to 20 m to the left of the route and 8 m below it."""
+    band, _ = counts
+    fences = fence(60.0, -90.0, 300.0), fence(200.0, -50.0, 150.0)
+    fenced = replace(band, about=replace(band.about, fences=fences))
+
+    chart, heights, *_ = counted.mission_charts(fenced)
+
+    names = [name for name, *_ in chart.legend]
+    assert names[-4:] == ["fence 1", "nearest to it: 40 m", "fence 2", "nearest to it: 42 m"]
+    (west, _), (east, north), (other, _), _ = chart._seen[-4:]
+    assert np.nanmin(west) == pytest.approx(-60.0, abs=0.2)
+    assert np.nanmin(other) == pytest.approx(-200.0, abs=0.2)
+    assert east == pytest.approx(0.0, abs=0.01)  # on the first leg
+    assert 0.0 <= north[0] <= 600.0
+    dashes = [dash for name, _, dash in chart.legend if name.startswith("fence")]
+    assert len({*dashes}) == 2
+    assert [y[0] for _, y in heights._seen[-4:]] == [300.0, -90.0, 150.0, -50.0]
+    one = replace(band, about=replace(band.about, fences=fences[:1]))
+    assert "fence" in [name for name, *_ in counted.mission_charts(one)[0].legend]
 
 
 def test_the_room_to_turn_back_is_drawn_around_the_flights_that_stayed_in_it(counts):
