@@ -1,5 +1,7 @@
 """Charts and tables of a campaign hold what its rows say, of each group apart."""
 
+import re
+
 import numpy as np
 import pytest
 from made_up_campaign import made_up_plan, made_up_rows
@@ -8,7 +10,10 @@ from scipy import stats
 from flighttune.campaigns.statistics import findings
 from flighttune.outputs.drawing.palette import LIMIT
 from flighttune.outputs.pages import campaign, campaign_charts
-from tests.outputs.drawing.test_chart import SVG, drawn
+from tests.outputs.drawing import test_chart as reading
+
+TENTH = 0.051
+"""Shares are said in tenths of a percent."""
 
 RUNS = 160
 """Of two plants and two gain sets, of 40 flights each."""
@@ -33,6 +38,11 @@ def test_the_share_of_each_group_stands_below_its_name_between_the_ends_of_its_i
     shares, _ = campaign_charts.rates(found)
 
     groups = found.values["groups"]
+    texts = [
+        one.text
+        for one in reading.drawn(shares).iter(f"{reading.SVG}text")
+        if one.get("class") == "named"
+    ]
     heights = [y[0] for _, y in shares._seen]
     assert len(heights) == 2 * len(groups) == 8
     for k, group in enumerate(groups):
@@ -41,6 +51,11 @@ def test_the_share_of_each_group_stands_below_its_name_between_the_ends_of_its_i
         assert value == pytest.approx([100.0 * own["success"].mean()])
         assert ends == pytest.approx([100.0 * group["lo"], 100.0 * group["hi"]])
         assert k + 0.5 < y == at < k + 1.0
+        name, ends = texts[k].split(": ")
+        said = [float(x) for x in re.findall(r"[\d.]+", ends)]
+        assert name == group["group"]
+        wanted = [100.0 * group[key] for key in ("success", "lo", "hi")]
+        assert said == pytest.approx(wanted, abs=TENTH)
     assert shares.y_range == (0.0, 4.0)
     assert shares.downwards
 
@@ -73,12 +88,22 @@ def test_a_bound_is_drawn_in_the_unit_of_its_axis_and_says_whose_it_is(found):
     assert low < 10.0 < 12.0 < high < 13.0
     for x, _ in chart._seen:
         assert x == pytest.approx(10.0)
+    x_0, x_1, *_, width, _ = reading.plot_axes(chart)
+    (bound,) = [x.get("d") for x in reading.elements(chart, "path") if "V" in x.get("d")]
+    across = float(re.match(r"M([\d.]+),0V", bound)[1])
+    assert x_0 + across / width * (x_1 - x_0) == pytest.approx(12.0, abs=0.01)
+    titles = [x.title for x in campaign_charts.distributions(found)]
+    assert titles == [
+        "Flights by ITAE of course", "Flights by ITAE of path angle",
+        "Flights by overshoot of path angle",
+    ]  # fmt: skip
 
 
 def test_each_flight_is_a_dot_over_the_strongest_parameter_and_a_lost_one_a_cross_at_the_top(found):
     first, second = campaign_charts.scatter_panels(found)
 
     strongest = campaign_charts.influential_parameters(found)
+    assert first.x == "initial airspeed [m/s]"
     assert first.title == "ITAE of course over initial airspeed"
     done = found.rows["status"] == "completed"
     worst = found.rows["chi.ITAE"][done].max()
@@ -90,7 +115,7 @@ def test_each_flight_is_a_dot_over_the_strongest_parameter_and_a_lost_one_a_cros
             assert y == pytest.approx(rows["chi.ITAE"].to_numpy()[there])
             assert at == pytest.approx(rows[key].to_numpy()[~there])
             assert (top == worst).all()
-    tips = [one.text for one in drawn(first).iter(f"{SVG}title")]
+    tips = [one.text for one in reading.drawn(first).iter(f"{reading.SVG}title")]
     assert len(tips) == len(found.rows)
     assert all(tip.startswith("run ") for tip in tips)
 
