@@ -307,9 +307,9 @@ def test_a_search_names_its_start_and_what_became_worse():
 def test_a_search_fails_unless_its_requirements_are_met(monkeypatch, status, run, by_default):
     monkeypatch.setattr(meeting, "certify_scenario", lambda *_, **__: SimpleNamespace(values={}))
     rows = [
-        {**row("chi.MO_rad", x, run=run), "why": why, "sense": "at most", "bound": 2.0 * DEG}
+        {**row("chi.MO_rad", x, run=on), "why": why, "sense": "at most", "bound": 2.0 * DEG}
         | {"value": 1.5 * DEG, "start": DEG}
-        for x, why in ((0.25, ""), (0.5, "it never settles"))
+        for x, on, why in ((0.25, "kinematic", ""), (0.5, run, "it never settles"))
     ]
     made = search(*rows, status=status)
 
@@ -320,6 +320,7 @@ def test_a_search_fails_unless_its_requirements_are_met(monkeypatch, status, run
     assert (meeting.BY_DEFAULT_NOTE in said.notes) == by_default
     assert f"{meeting.subject(rows[1])}: it never settles" in said.notes
     (first, _) = said.tables[0].records
+    assert said.tables[0].columns == meeting.REQUIREMENT_COLUMNS
     assert first["must_be"] == "at most 2 deg"
     assert (first["value"], first["start"]) == pytest.approx((1.5, 1.0))
     level = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
@@ -617,6 +618,9 @@ def test_the_gap_of_a_log_is_said_with_its_causes_and_its_worst_time():
         "Mass and wind together explain 87.5 % of the difference between the log mine and the "
         "model x. The courses differ most at "
     )
+    # the second stretch, whose mean from 5 s on is -0.3 deg, goes to 3 deg after its first 10 s
+    assert said.verdict.endswith(" at 30.5 s, by 3.3 deg.")
+    assert said.tables[0].title == "mine: rms difference in 2 stretches of 12 s"
     assert said.values == {"explained_percent": 87.5}
     assert said.notes == [
         "a note", "kinematic: 1 of 2 flights ended early, and are compared until then.",

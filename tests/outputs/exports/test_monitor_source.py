@@ -88,6 +88,16 @@ def test_any_model_scores_as_in_the_program(models, count, from_s, tmp_path):
     assert alarm == (pytest.approx(at_s), why)
 
 
+def test_a_file_says_why_its_claim_does_not_cover_a_scenario():
+    monitor = MadeUp(watch.MODELS, 1, 0.0)
+
+    of_others = monitor_source(monitor, title="t", dt=DT, no_claim="other air")
+
+    said = "No claim about flights of this scenario: other air. It was counted on others: a * / cla"
+    assert said in of_others
+    assert "No claim" not in monitor_source(monitor, title="t", dt=DT)
+
+
 FLIGHT_S, FAULT_S = 12.0, 3.0
 
 
