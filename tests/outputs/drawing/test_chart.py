@@ -7,9 +7,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flighttune.outputs.drawing.chart import Chart, Sheet, evenly, peaks, ticks
+from flighttune.outputs.drawing.chart import DASHED, DOTTED, Chart, Sheet, evenly, key, peaks, ticks
+from flighttune.outputs.drawing.palette import LineStyle
 
 BLUE, RUST = "#1F78B4", "#B15928"
+SOLID = LineStyle(RUST, "rust", 2.0, dashed=False)
 TENTH = 0.051
 """Coordinates are written in tenths of a pixel."""
 
@@ -348,6 +350,9 @@ def test_drawn_samples_are_all_or_evenly_spaced():
     # smallest and largest of each stretch of 5, with a gap of one of them
     values = np.array([3.0, 9, 1, 2, 2, 5, 5, np.nan, 7, 4, 6, 6, 6, 0, 8])
     assert peaks(values, most=6).tolist() == [0, 1, 2, 7, 8, 9, 13, 14]
+    # stretches of 3, 4, 3 and 4 samples
+    alone = np.where(np.arange(14) == 6, 9.0, 0.0)
+    assert 6 in peaks(alone, most=8)
 
 
 def test_a_band_is_a_closed_line_along_one_edge_and_back_along_the_other():
@@ -425,6 +430,10 @@ def test_labels_stand_at_their_values_outside_of_the_plot():
         ({}, "", ""),
         ({"log": "x", "x_range": (0.1, 10.0)}, "", "x"),
         ({"log": "x"}, "", ""),  # from zero on
+        ({"x_range": (1.0, 10.0), "y_range": (1.0, 5.0)}, "", ""),
+        ({"log": "y", "x_range": (1.0, 10.0), "y_range": (1.0, 5.0)}, "", "y"),
+        ({"log": "x", "x_range": (1.0, 10.0), "y_range": (1.0, 5.0)}, "", "x"),
+        ({"log": "xy", "x_range": (1.0, 10.0), "y_range": (1.0, 5.0)}, "", "xy"),
     ],
 )
 def test_a_page_knows_the_axes_that_are_logarithmic_or_have_labels_of_their_own(
@@ -433,3 +442,33 @@ def test_a_page_knows_the_axes_that_are_logarithmic_or_have_labels_of_their_own(
     root = drawn(Chart(title="", **(UNIT | options)))
 
     assert (root.get("data-fixed"), root.get("data-log")) == (fixed, log)
+
+
+def test_a_line_of_a_run_has_its_colour_its_dashes_and_its_name_under_the_pointer():
+    chart = Chart(title="", y="the label [m]", **UNIT)
+    for style, run in ((LineStyle(BLUE, "blue", 2.0, dashed=True), "a"), (SOLID, "b")):
+        chart.run_line([0.0, 5.0], [0.0, 5.0], style, run)
+    chart.run_line([0.0, 5.0], [0.0, 5.0], SOLID, "c", dash=DOTTED, hover=False)
+
+    lines = elements(chart, "path")
+    assert [one.get("stroke-dasharray") for one in lines] == [DASHED, None, DOTTED]
+    assert [one.get("data-run") for one in lines] == ["a", "b", "c"]
+    assert [one.get("data-name") for one in lines] == ["a", "b", None]
+    colours = [one.get("stroke") for one in lines]
+    assert colours[0] != colours[1] == colours[2]
+    turned = [one for one in drawn(chart) if "rotate(-90)" in one.get("transform", "")]
+    assert [one.text for one in turned] == ["the label [m]"]
+
+
+@pytest.mark.parametrize(
+    ("dash", "mark"),
+    [
+        ("band", "rect"), ("dot", "circle"), ("cross", "M8.0,-4.0l8,8M8.0,4.0l8,-8"),
+        ("plus", "M8.0,0.0h8M12.0,-4.0v8"), ("", "M0,0H24"), (DASHED, "M0,0H24"),
+    ],
+)  # fmt: skip
+def test_a_legend_shows_what_it_names_as_it_is_drawn(dash, mark):
+    one = ElementTree.fromstring(key(BLUE, dash))
+
+    assert (one.get("d") or one.tag) == mark
+    assert one.get("stroke-dasharray") == (dash if dash == DASHED else None)

@@ -19,6 +19,7 @@ from flighttune.claims.mission import MissionOdds, per_hour_beside
 from flighttune.claims.per_hour import PerHour
 from flighttune.claims.rates_keys import KINDS
 from flighttune.claims.turn_back import TurnBack
+from flighttune.outputs.pages import sheet
 from flighttune.outputs.pages.claim import write_claim_page
 
 # Pixels of CSS, 96 per inch: the width of A4 without its margins.
@@ -139,6 +140,34 @@ def test_a_terminal_has_the_answer_what_is_not_in_it_and_few_lines_of_tables(mis
     for said in ("declared by the applicant", "--run ", "Of the exits per flight hour"):
         assert said in whole
         assert said not in shown
+
+
+def test_conditions_claims_and_files_of_a_mission_are_its_own(mission):
+    said, claims = sheet.conditions(mission), sheet.claims(mission)
+
+    assert said["flights"] == "7 counted, 10 learned from; 7 counted that turn back; seed 0"
+    assert said["aircraft"].startswith("kinematic, at ")
+    assert said["operational volume"] == "the contingency volume"
+    flown = mission.band.flights.gains
+    roll, load = said["law"].partition(": ")[2].split("; ")
+    for text, i in ((roll, 0), (load, 1)):
+        numbers = [float(x) for x in re.findall(r"(?<![\w_])-?\d+\.\d+", text)]
+        gains = [*flown.K_P[i], *flown.K_I[i]]
+        assert sorted(numbers) == pytest.approx(sorted(x for x in gains if abs(x) > 5e-5), abs=1e-3)
+    assert [*claims] == ["corridor", "room to turn back", "per flight hour", "not in it", "ground"]
+    assert claims["not in it"].startswith("Faults of other kinds")
+    alone = replace(mission, room=None, per_hour=None)
+    assert [*sheet.claims(alone)] == ["corridor", "not in it", "ground"]
+    assert sheet.claims(alone)["not in it"].startswith("Failures of engine")
+    assert sheet.conditions(alone)["flights"] == "7 counted, 10 learned from; seed 0"
+    assert sheet.volumes(alone) == []
+    *_, sizes = sheet.volumes(mission)
+    widths = {row["volume"]: row["width_m"] for row in sizes.records}
+    # 5 m to a side, and 272 m to turn back
+    assert (widths["flight geography"], widths["contingency volume"]) == pytest.approx((5.0, 277.0))
+    (row,) = sheet.files_table(replace(alone, files={})).records
+    digest = hashlib.sha256(mission.file.read_bytes()).hexdigest()
+    assert [*row.values()] == ["m.npz", "flighttune verify m.npz", digest]
 
 
 @pytest.mark.slow
