@@ -28,6 +28,7 @@ from flighttune.outputs.answers import (
     campaign,
     certificate,
     compare,
+    gap,
     log_gap,
     meeting,
     tuning,
@@ -610,9 +611,9 @@ def made_up_gap(**changes):
 
 
 def test_the_gap_of_a_log_is_said_with_its_causes_and_its_worst_time():
-    gap = made_up_gap()
+    of_log = made_up_gap()
 
-    said = log_gap.answer(gap)
+    said = log_gap.answer(of_log)
 
     assert said.verdict.startswith(
         "Mass and wind together explain 87.5 % of the difference between the log mine and the "
@@ -640,6 +641,19 @@ def test_the_gap_of_a_log_is_said_with_its_causes_and_its_worst_time():
     assert one.startswith("Mass explains 87.5 % of the difference")
     none = log_gap.answer(made_up_gap(causes={}, factors={})).verdict
     assert none.startswith("The log can tell no cause of the difference")
+
+
+def test_planning_is_said_with_the_largest_errors_in_degrees():
+    both = {
+        "chi": {"unplanned": 4.0 * DEG, "planned": 1.5 * DEG},
+        "gamma": {"unplanned": 2.0 * DEG, "planned": 0.25 * DEG},
+    }
+
+    assert gap.planning(SimpleNamespace(largest_errors=both)) == [
+        "Planning roll and lift takes the largest error of course from 4 to 1.5 deg and that of "
+        "path angle from 2 to 0.25 deg."
+    ]
+    assert gap.planning(SimpleNamespace(largest_errors=None)) == []
 
 
 def test_the_gap_of_a_log_is_drawn_where_it_is_largest_in_degrees():
