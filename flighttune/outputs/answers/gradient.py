@@ -23,7 +23,7 @@ def answer(gradient: Gradient) -> Answer:
     """A table for each measure, with a row for each parameter."""
     rows = [{**x, "per_10_percent": 0.1 * x["slope"] * x["value"]} for x in gradient.slopes]
     titles = {
-        name: f"{measure_words(name)}: {number(value)} {metric_label(name).unit.strip('1')}".strip()
+        name: f"{measure_words(name)}: {number(value)} {unit_of(name)}".strip()
         for name, value in gradient.values.items()
     }
     return Answer(
@@ -44,6 +44,12 @@ def strongest(measure: str, rows: Sequence[Mapping[str, Any]]) -> str:
     most = max(known, key=lambda name: abs(known[name]), default="")
     if not known.get(most):
         return ""
-    shown = metric_label(measure)
-    change = f"{number(known[most], '.2g')} {shown.unit.strip('1')}".strip()
+    change = f"{number(known[most], '.2g')} {unit_of(measure)}".strip()
     return f"{measure_words(measure)}: {most} moves it most, by {change} for +10 %."
+
+
+def unit_of(measure: str) -> str:
+    """The unit in which a name states a measure: radians, unless it ends in ``_deg``."""
+    label = metric_label(measure)
+    unit = label.unit if label.factor == 1.0 else label.unit.replace("deg", "rad")
+    return unit.strip("1")

@@ -20,6 +20,7 @@ from flighttune.control.margins import Margins
 from flighttune.control.theory.exact import Check, Verification
 from flighttune.control.tuning.noise import Noise, Rms
 from flighttune.control.tuning.result import Diagnosis
+from flighttune.flight.gradient import Gradient
 from flighttune.flight.loop.run import Alarm
 from flighttune.gaps.compare import Pair
 from flighttune.gaps.of_log import LogGap
@@ -641,6 +642,52 @@ def test_the_gap_of_a_log_is_said_with_its_causes_and_its_worst_time():
     assert one.startswith("Mass explains 87.5 % of the difference")
     none = log_gap.answer(made_up_gap(causes={}, factors={})).verdict
     assert none.startswith("The log can tell no cause of the difference")
+
+
+def slope(parameter, value, each, measure="chi.ITAE", why=""):
+    return {"measure": measure, "parameter": parameter, "value": value, "slope": each, "why": why}
+
+
+def test_slopes_are_said_for_a_tenth_of_their_parameter_with_the_largest_first():
+    slopes = (
+        slope("K_P", 2.0, 3.0), slope("K_I", -4.0, 2.0), slope("mass", 1.0, math.nan, why="steps"),
+        slope("K_P", 2.0, 0.0, "gamma.ITAE"),
+    )  # fmt: skip
+    made = Gradient(
+        run=made_up_run({"chi_err": [0.0, 0.0]}), slopes=slopes, at_limits_s=1.25,
+        values={"chi.ITAE": 5.0, "gamma.ITAE": 0.5},
+    )  # fmt: skip
+
+    said = made.answer()
+
+    assert said.summary == ["ITAE of course: K_I moves it most, by -0.8 rad\u00a0s² for +10 %."]
+    chi, gamma = said.tables
+    assert [row["per_10_percent"] for row in chi.records][:2] == pytest.approx([0.6, -0.8])
+    assert [row["parameter"] for row in gamma.records] == ["K_P"]
+    assert chi.title == "ITAE of course: 5 rad\u00a0s²"
+    assert said.notes == [
+        "Limits hold a command for 1.25 s of the flight; slopes take the samples at limits as "
+        "fixed."
+    ]
+    assert replace(made, at_limits_s=0.0).answer().notes == []
+    assert said.values["values"] == {"chi.ITAE": 5.0, "gamma.ITAE": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("measure", "unit"),
+    [
+        ("chi.peak_rad", "rad"), ("chi.peak_deg", "deg"), ("chi.effort_rms", "rad"),
+        ("gamma.effort_rms", ""), ("flight.n_z_max", ""), ("flight.cross_track_m", "m"),
+    ],
+)  # fmt: skip
+def test_slopes_are_in_the_unit_of_the_name_of_their_measure(measure, unit):
+    rows = (slope("K_P", 2.0, 3.0, measure),)
+    run = made_up_run({"chi_err": [0.0, 0.0]})
+
+    said = Gradient(run=run, slopes=rows, values={measure: 5.0}, at_limits_s=0.0).answer()
+
+    assert said.tables[0].title.endswith(f": 5 {unit}".rstrip())
+    assert said.summary[0].endswith(f"by 0.6 {unit}".rstrip() + " for +10 %.")
 
 
 def test_planning_is_said_with_the_largest_errors_in_degrees():
