@@ -1,6 +1,7 @@
-"""Charts of claims and of runs show both errors in degrees, with the legend of their runs."""
+"""Charts of claims and of runs show both errors in degrees, and pages of logs say their alarms."""
 
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.flight.loop.run import Bounds
+from flighttune.gaps import compare
+from flighttune.outputs.pages import page
 from flighttune.outputs.pages.tube import tube_charts
 
 T = 0.1 * np.arange(31)
@@ -49,3 +52,48 @@ def test_a_plot_of_runs_has_their_errors_and_angles_with_those_that_flew_in_the_
         assert [name for name, *_ in chart.legend] == [flown.label, other.label]
     with pytest.raises(ft.InputError, match="must have a run that flew"):
         ft.plot(none)
+
+
+class Told(NamedTuple):
+    """An alarm of a monitor."""
+
+    sentence: str
+
+
+@pytest.mark.parametrize(
+    ("monitors", "status", "failure"),
+    [
+        ([("", None), ("", None)], 0, ""),
+        ([("", None), ("", Told("an alarm at 2 s"))], 1, "an alarm at 2 s"),
+        ([("another law", None)], 2, "no claim about this flight: another law."),
+        ([("another law", None), ("", Told("an alarm at 2 s"))], 1, "an alarm at 2 s"),
+        ([("", Told("an alarm at 2 s")), ("", Told("a later one"))], 1, "an alarm at 2 s"),
+    ],
+)
+def test_the_page_of_a_log_is_a_failure_if_a_monitor_alarms_or_none_is_about_it(
+    monitors, status, failure, tmp_path, monkeypatch
+):
+    lines = ["t_s,phi_deg,V_a_mps", *(f"{0.1 * k},{k % 7},{25 + k % 2}" for k in range(50))]
+    (tmp_path / "flight.csv").write_text("\n".join(lines))
+    source = compare.load_source(str(tmp_path / "flight.csv"))
+    score = np.linspace(0.0, 0.5, len(source.runs[0].t) - 10)
+    monkeypatch.setattr(page, "score_so_far", lambda *_: score)
+    watching = [
+        SimpleNamespace(
+            watches=[SimpleNamespace(from_s=1.0)], sentence="it is one",
+            not_about=lambda _, why=why: why, alarm=lambda _, alarm=alarm: alarm,
+        )
+        for why, alarm in monitors
+    ]  # fmt: skip
+
+    written = page.write_log_page(source, tmp_path / "page.html", watching)
+
+    shown = written.shown
+    assert shown.failure.endswith(failure)
+    assert bool(shown.failure) == bool(failure)
+    assert (shown.status if shown.failure else 0) == status
+    quiet = sum(not why and alarm is None for why, alarm in monitors)
+    assert sum(x.startswith("No alarm from 1 s on") for x in written.summary) == quiet
+    assert [alarm is not None for alarm in shown.values["alarms"]] == [
+        alarm is not None for _, alarm in monitors
+    ]
