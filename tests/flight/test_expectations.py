@@ -265,6 +265,25 @@ def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
     assert all(part in sentence(found) for part in told), sentence(found)
 
 
+def test_a_verdict_has_the_first_missed_requirement_and_counts_runs_in_words():
+    run, other = flown(np.deg2rad(2.0)), flown(np.deg2rad(2.0), gains="K5")
+    twice = scenario({"at_most": {"chi": {"peak_deg": 1.0, "ITAE": 0.1}}})
+
+    claim = checks.check_claim(twice, [run])
+
+    first, second = claim.missed
+    assert sentence(claim) == f"0 of 2 requirements met, 2 missed. {first}"
+    assert second not in sentence(claim)
+    untested = "No requirement ([[expect]]) applies to these runs"
+    assert short(checks.check_claim(scenario(), [run])) == f"{untested}; 1 of 1 run completed"
+    both = checks.check_claim(scenario(), [run, other])
+    assert short(both) == f"{untested}; 2 of 2 runs completed"
+    late = np.where(T < 7.5, 0.0, np.deg2rad(20.0))  # neither follows to the end
+    lost = [flown(late), flown(late, gains="K5")]
+    said = short(checks.check_claim(scenario(BOUND), lost))
+    assert said.endswith("; 2 of 2 runs did not follow the reference to the end")
+
+
 @pytest.mark.parametrize(
     ("expect", "counts"),
     [
