@@ -319,6 +319,22 @@ def test_the_first_difference_beyond_rounding_is_named(monkeypatch, tmp_path, ap
         assert largest[name] == pytest.approx(size, abs=1e-13, nan_ok=True)
 
 
+def test_a_smaller_difference_that_comes_earlier_is_the_first(monkeypatch, tmp_path):
+    def flown(*_, **__):
+        pd.DataFrame(dict.fromkeys(COLUMNS, 0.0 * T)).to_csv(tmp_path / CSV, index=False)
+        return ""
+
+    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
+    signals = dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a"), 0.0 * T)
+    signals |= {"phi": np.where(T > 0.79, 2e-3, 0.0), "n_z": np.where(T > 0.29, -1e-3, 0.0)}
+    signals["V_a"] = 1.0 + 0.0 * T  # a flight that does not follow it is not compared in it
+
+    largest, differs = jsbsim_folder._differences([], tmp_path / CSV, 40.0, made_up_run(signals, T))
+
+    assert differs == "n_z differs first, at t = 0.3 s"
+    assert (largest["phi"], largest["n_z"], "V_a" in largest) == (2e-3, 1e-3, False)
+
+
 def test_a_flight_that_ended_early_is_compared_until_then(monkeypatch, tmp_path):
     _, _, verdict = compared(monkeypatch, tmp_path, status="left_envelope")
 
