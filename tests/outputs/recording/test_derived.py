@@ -1,5 +1,7 @@
 """Signals that a recording derives: the parts of the gap, and the distance from the law."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up import made_up_run
@@ -110,3 +112,22 @@ def test_a_run_is_compared_with_the_one_below_and_its_place_with_the_first():
     assert found["distance"][:20] == pytest.approx(3.0)
     assert np.isnan(found["distance"][20:]).all()
     assert plots._compared(own, []) == {}
+
+
+def test_plots_are_those_of_signals_that_a_run_has_without_the_wind_of_calm_air():
+    t = 0.1 * np.arange(5)
+
+    def shown(plant="kinematic", units=None, **signals):
+        run = made_up_run({name: x + 0.0 * t for name, x in signals.items()}, t, plant=plant)
+        tabs = plots.shown_plots([replace(run, units=units or {})])
+        return {plot.signal: plot for tab in tabs.values() for plot in tab}
+
+    calm = {"chi": 0.1, "V_a": 25.0, "wind_north": 1e-9, "wind_east": -1e-9, "distance": 3.0}
+    assert {*shown(**calm)} == {"chi", "V_a"}
+    windy = shown("jsbsim:aerosonde", **calm | {"wind_east": -2.0}, V_a_meas=25.0)
+    assert {*windy} == {"chi", "V_a", "wind_east", "distance"}
+    assert windy["V_a"].measured == "V_a_meas"
+    assert windy["chi"].measured == ""
+    own = shown(**calm, mine=3.0, units={"mine": "kg"})
+    assert own["mine"].heading == "mine [kg]"
+    assert own["chi"].heading.endswith("[deg]")

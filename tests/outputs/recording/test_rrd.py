@@ -89,6 +89,8 @@ def test_reference_and_limits_are_drawn_once(contents):
     assert contents.values("/plots/phi/_limits").tolist() == [[-45.0, 45.0]] * 2
     assert contents.values("/plots/n_z/_limits").tolist() == [[0.0, 2.0]] * 2
     assert contents.nanoseconds("/plots/phi/_limits").tolist() == [0, 20_000_000_000]
+    # a tenth beyond the longest flight
+    assert contents.nanoseconds("/plots/phi/_axis").tolist() == [0, 22_000_000_000]
 
 
 def test_a_course_through_south_has_no_jump(four_runs, tmp_path):
