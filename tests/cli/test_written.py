@@ -1,5 +1,7 @@
 """Which files a command writes: none of a result that is worse, unsolved, unproven or missed."""
 
+import sys
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,6 +10,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.base.files import load
+from flighttune.claims import verbs, verify
 from flighttune.cli import aircraft, explain, gains
 from flighttune.outputs.answers.answer import Answer
 
@@ -131,6 +134,44 @@ def test_runs_that_cannot_be_compared_are_not_written(folder, out):
     assert (said.failure, said.status) == ("other aircraft", 2)
 
 
+@pytest.mark.parametrize("name", ["c.html", "c.HTML", "c.rrd", None])
+def test_a_comparison_is_a_page_or_a_recording_by_its_ending(folder, monkeypatch, name):
+    writers = {"pages.page": "write_comparison_page", "recording.record": "write_overlay"}
+    for module, function in writers.items():
+        made = SimpleNamespace(**{function: lambda _, out, to=function: saved(f"{to}-{out}")})
+        monkeypatch.setitem(sys.modules, f"flighttune.outputs.{module}", made)
+    compared = SimpleNamespace(answer=Answer)
+
+    said = explain.compare(verb(compared)[0], "a", None, name and Path(name))
+
+    page = name is not None and name.lower().endswith("html")
+    by = "write_comparison_page" if page else "write_overlay"
+    assert written(folder) == ([f"{by}-{name}"] if name else [])
+    assert said.files == {
+        "recording": Path(name) if name and not page else None,
+        "page": Path(name) if page else None,
+    }
+
+
+@pytest.mark.parametrize("in_file", [True, False])
+def test_boxes_of_a_file_are_read_and_not_written_again(folder, monkeypatch, in_file):
+    monkeypatch.setattr(load, "kind_of", lambda _: load.BAND if in_file else "campaign")
+    monkeypatch.setattr(verify, "load_residual", lambda file: f"read {file}")
+    monkeypatch.setattr(verbs, "residual", lambda boxes, gains, **_: f"counted {boxes} {gains}")
+    band = SimpleNamespace(save=saved)
+    made = SimpleNamespace(
+        status="bounded", save=saved, problem=SimpleNamespace(band=band), answer=lambda _: Answer()
+    )
+    enclose, called = verb(made)
+
+    monkeypatch.setattr(explain, "flown_by", lambda: nullcontext({}))
+    explain.tube(enclose, "turn", "paper", Path("t.npz"), None, "b")
+
+    assert called.keywords["boxes"] == ("read b" if in_file else "counted b paper")
+    assert called.keywords["disturbance"] is None
+    assert written(folder) == ["runs/turn-boxes.npz"] * (not in_file) + ["t.npz"]
+
+
 @pytest.mark.parametrize(
     ("kind", "flights", "out", "counted", "named"),
     [
@@ -192,6 +233,7 @@ def test_a_disturbance_is_a_number_or_the_largest_alone(disturbance, out, words)
 def test_the_worst_flight_and_a_monitor_are_written_where_they_are_asked():
     worst = SimpleNamespace(save=saved, answer=Answer)
     assert explain.worst(verb(worst)[0], Path("w.toml")).files == {"scenario": Path("w.toml")}
+    assert Path("w.toml").exists()
     monitor = SimpleNamespace(answer=lambda file: Answer(notes=[str(file)]))
     said = explain.monitor(verb(monitor)[0], Path("m.npz"))
     assert (said.notes, said.files) == (["m.npz"], {"monitor": Path("m.npz")})
