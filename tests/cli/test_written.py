@@ -12,6 +12,7 @@ import flighttune as ft
 from flighttune.base.files import load
 from flighttune.claims import verbs, verify
 from flighttune.cli import aircraft, explain, gains
+from flighttune.flight import gains as flight_gains
 from flighttune.outputs.answers.answer import Answer
 
 
@@ -96,6 +97,57 @@ def test_a_tuning_writes_the_bound_that_it_proved_and_its_answer(folder, solved,
     if not solved:
         unsolved = gains.tune(tuning, "paper", {}, None, None, page, frontier=False, points=None)
         assert unsolved.files["page"] is None
+
+
+@pytest.mark.parametrize(
+    ("points", "out", "flown", "place"),
+    [(None, None, 25, "runs/turn"), (7, Path("here"), 7, "here"), (7, Path("a.b"), 7, "a.b")],
+)
+def test_a_frontier_has_25_points_and_a_folder_by_default(monkeypatch, points, out, flown, place):
+    asked = {}
+
+    def frontier(source, **settings):
+        asked[source] = settings
+        return SimpleNamespace(answer=Answer, save=lambda folder: {"table": folder / "x.csv"})
+
+    monkeypatch.setattr(flight_gains, "frontier", frontier)
+    tuning, called = verb(None, changes={"seed": 3})
+
+    said = gains.tune(
+        tuning, "some/turn.toml", {"seed": 3}, out, None, None, frontier=True, points=points
+    )
+
+    assert asked == {"some/turn.toml": {"points": flown, "changes": {"seed": 3}}}
+    assert said.files == {"table": Path(place) / "x.csv"}
+    assert not hasattr(called, "keywords")
+
+
+@pytest.mark.parametrize("out", [Path("a.json"), Path("a.csv"), Path("a.svg"), Path("there")])
+def test_a_frontier_is_written_into_no_file(folder, out):
+    saved(folder / "there")
+
+    with pytest.raises(ft.InputError, match=f"{out}: `--out` must be a folder with --frontier"):
+        gains.tune(verb(None)[0], "turn", {}, out, None, None, frontier=True, points=None)
+
+
+@pytest.mark.parametrize(("page", "given"), [(Path("x.html"), {}), (None, {"envelope": True})])
+def test_a_frontier_takes_neither_a_page_nor_settings_of_a_tuning(page, given):
+    with pytest.raises(ft.InputError, match="must be absent with --frontier"):
+        gains.tune(verb(None, **given)[0], "turn", {}, None, None, page, frontier=True, points=None)
+
+
+def test_a_search_of_gains_writes_its_answer_as_json_alone(folder):
+    search, called = verb(SimpleNamespace(answer=Answer), autopilot=None)
+
+    said = gains.meet(search, "some/turn.toml", None, Path("g.json"))
+
+    assert called.keywords["kept"] == Path("runs/turn-searched-unfinished.jsonl")
+    assert written(folder) == ["g.json"]
+    assert said.files == {"out": Path("g.json"), "page": None}
+    for body in (gains.meet, partial(gains.tune, changes={}, prove=None, frontier=False)):
+        options = {"points": None} if body is not gains.meet else {}
+        with pytest.raises(ft.InputError, match=r"must end in \.json"):
+            body(search, "turn", page=None, out=Path("g.csv"), **options)
 
 
 @pytest.mark.parametrize("proven", [True, False])
