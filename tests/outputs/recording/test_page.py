@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from claimed import claimed
-from made_up import made_up_run
+from made_up import made_up_run, made_up_scenario, run_file
 
-from flighttune.outputs.recording import page
+import flighttune as ft
+from flighttune.outputs.recording import page, record
 from flighttune.outputs.recording.entities import runs_to_draw
 
 T = 0.1 * np.arange(31)
@@ -81,3 +82,19 @@ def test_the_reading_line_says_what_colours_and_lines_are_and_how_large_all_is_d
     assert "**thin around a signal:** proven tube" in alone
     assert "**dashed around a signal:** counted band" in alone
     assert alone.endswith("**aircraft:** 10 times their size, **arrow:** velocity, **grid:** 20 m.")
+
+
+def test_compared_runs_have_the_title_and_the_scenario_of_the_first(tmp_path, monkeypatch):
+    files = []
+    for number, (title, gains) in enumerate((("First", "paper"), ("Second", "K1"))):
+        scenario = made_up_scenario(title=title, flight={"duration_s": 1.0}, gains=[gains])
+        (run,) = ft.fly(scenario).runs
+        files.append(str(run_file(tmp_path / f"{number}.parquet", run)))
+    told = {}
+    monkeypatch.setattr(record, "write_recording", lambda runs, path, **more: told.update(more))
+
+    record.write_overlay(ft.compare(*files), tmp_path / "both.rrd")
+
+    assert told["title"] == "First: comparison"
+    assert told["page"].startswith("# First\n")
+    assert "## Compared" in told["page"]
