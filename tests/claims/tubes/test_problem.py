@@ -51,7 +51,7 @@ def test_the_loop_of_a_tube_has_the_numbers_of_the_flight(law, plant, exact):
     assert not loop.law.feed_forward
     assert loop.law.conditional
     assert loop.reference[0, :2] == pytest.approx(np.radians([2.0, 5.0]))
-    assert len(loop.reference) >= 2.0 * 40.0
+    assert len(loop.reference) == 1 + 2 * 40  # the first and the last
 
 
 @pytest.mark.parametrize(("ahead", "lift"), [(False, 0.0), (True, math.cos(math.radians(5.0)))])
@@ -86,6 +86,28 @@ def test_a_loop_has_settled_after_its_last_change_or_wider_box(of, place, by):
     assert settled_from(replace(loop, **changed)) == (8 if of else 0)
     for reference in (moving, turning):
         assert settled_from(replace(loop, reference=reference)) == len(reference)
+
+
+@pytest.mark.parametrize(("chi", "gamma"), [(0.2, -0.1), (-0.1, 0.2)])
+def test_disturbances_reach_either_side_and_are_no_smaller_than_those_of_the_scenario(chi, gamma):
+    turn = tube_scenario(duration_s=0.1).as_dict()
+    turn["disturbance"] = {"chi_amplitude": chi, "gamma_amplitude": gamma}
+    turn = ft.scenario_from(turn)
+
+    low, high = stated_problem(turn, ft.PAPER_GAINS).disturbances
+    assert high == pytest.approx(np.tile(np.abs([chi, gamma]), (6, 1)))
+    assert low == pytest.approx(-high)
+    low, high = stated_problem(turn, ft.PAPER_GAINS, disturbance=0.25).disturbances
+    assert (low.tolist(), high.tolist()) == ([[-0.25, -0.25]] * 6, [[0.25, 0.25]] * 6)
+    with pytest.raises(ft.InputError, match=r"`disturbance` must be at least .* 0.2 rad/s"):
+        stated_problem(turn, ft.PAPER_GAINS, disturbance=0.15)
+
+
+def test_starts_are_within_an_eighth_of_a_turn():
+    with pytest.raises(ft.InputError, match=r"`start` must lie in 0..45 deg, got 45 deg"):
+        stated_problem(tube_scenario(), ft.PAPER_GAINS, start=math.pi / 4)
+    with pytest.raises(ft.InputError, match=r"`start` must lie in 0..45 deg"):
+        stated_problem(tube_scenario(), ft.PAPER_GAINS, start=-0.01)
 
 
 def test_a_route_has_no_tube():

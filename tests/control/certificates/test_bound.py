@@ -142,6 +142,42 @@ def test_a_changed_proof_is_refused(bound, change, reason):
 
 
 @pytest.mark.parametrize(
+    ("boxes", "gap"),
+    [
+        # smallest and largest R_K, smallest and largest sigma, of R_K from 0.5 on
+        ([(0.5, 1.0, 0.0, 1.0)], 0.0),
+        ([(0.5, 1.0, 0.0, 0.875)], 0.125),
+        ([(0.5, 1.0 - 2.0**-40, 0.0, 1.0)], 2.0**-40),
+        ([(0.5, 1.0, 0.25, 1.0)], 0.25),
+        ([(0.5, 0.75, 0.0, 1.0)], 0.25),
+        ([(0.625, 1.0, 0.0, 1.0)], 0.125),
+        ([(0.75, 1.0, 0.0, 1.0), (0.5, 0.625, 0.0, 1.0)], 0.125),
+        ([(0.5, 0.75, 0.0, 1.0), (0.75, 1.0, 0.0, 0.5)], 0.25),
+        ([(0.5, 0.75, 0.0, 1.0), (0.75, 1.0, 0.5, 1.0)], 0.25),
+        # a box that lies within another
+        ([(0.5, 0.875, 0.0, 1.0), (0.625, 0.75, 0.0, 1.0), (0.875, 1.0, 0.0, 1.0)], 0.0),
+    ],
+)
+def test_boxes_cover_all_rates_above_the_bound_at_every_sigma(boxes, gap):
+    boxes, numbers = np.array(boxes), np.ones((len(boxes), bound_module.NUMBERS))
+    stated = bound_module.RateBound(I_star=20.0, R_bound=0.5, boxes=boxes, multipliers=numbers)
+
+    cover = stated.verify().checks[0]
+
+    assert (cover.margin, cover.exact) == (-gap, gap == 0.0)
+
+
+def test_one_box_that_is_not_refuted_leaves_a_bound_unproven(bound):
+    multipliers = bound.multipliers.copy()
+    multipliers[-1] *= -1.0
+
+    covered, refuted = replace(bound, multipliers=multipliers).verify().checks
+
+    assert covered.exact
+    assert (refuted.margin, refuted.exact) == (-1.0, False)
+
+
+@pytest.mark.parametrize(
     ("change", "name"),
     [
         (lambda _: {"I_star": -20.0}, "`I_star` must be positive"),

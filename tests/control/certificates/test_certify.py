@@ -65,12 +65,13 @@ def test_a_weak_certificate_says_what_it_is_worth(at_trim):
 
     made = certify_model(MODEL, weak)
 
-    hours = 2.0 * np.log(2.0) / ft.loop.indicators(ft.loop.closed_loop(MODEL, weak)).R_K / 3600.0
+    loop = ft.loop.indicators(ft.loop.closed_loop(MODEL, weak))
+    hours = 2.0 * np.log(2.0) / loop.R_K / 3600.0
     assert hours > 24.0
     assert at_trim.in_words == "certified"
     assert f"certified, but the proven rate halves errors in {hours:.2g} hours" in made.in_words
     assert f"an error may first grow {made.values['growth']:.0f}-fold" in made.in_words
-    assert "s² is too large to be a useful bound" in made.in_words
+    assert f"I_K of {loop.I_K:.2g} s² is too large to be a useful bound" in made.in_words
 
 
 @pytest.mark.slow
