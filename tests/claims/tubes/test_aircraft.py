@@ -139,6 +139,7 @@ def known():
 
 PLANT = "jsbsim:aerosonde"
 TWICE = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
+NEAR_I = ft.PIGains(K_P=ft.PAPER_GAINS.K_P, K_I=1.001 * ft.PAPER_GAINS.K_I)
 NEAR = ft.PIGains(K_P=1.001 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 SCHEDULED = aircraft_scenario().as_dict()
 SCHEDULED["controller"]["schedule"] = True
@@ -149,6 +150,7 @@ SCHEDULED["controller"]["schedule"] = True
     [
         (aircraft_scenario(), {"gains": TWICE}, r"`K_P`.*paper"),
         (aircraft_scenario(), {"gains": NEAR}, r"`K_P`.*paper"),
+        (aircraft_scenario(), {"gains": NEAR_I}, r"`K_I`.*paper"),
         (aircraft_scenario(chi_err_deg=5.0), {}, r"`flight.chi_deg`.*4.0.*5.0"),
         (aircraft_scenario(), {"disturbance": 0.1}, "`disturbance` must not be given"),
         (aircraft_scenario(), {"band": None, "plant": PLANT}, "`boxes` must be given"),

@@ -12,6 +12,7 @@ from scipy.linalg import expm
 import flighttune as ft
 from flighttune.base.files.table import tables_of, value_of
 from flighttune.control.certificates.make import certify_model
+from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loop
 
 TAKEN_FOR_WHOLE = 1e-3  # relative: a flight of 40 s with an input held for 2 ms
@@ -57,6 +58,33 @@ def test_no_input_makes_a_larger_error_and_the_worst_one_attains_it(certified):
     attained = np.abs(responses(certified)).sum(axis=0) * DT
 
     assert attained == pytest.approx(certified.peak_gains, rel=TAKEN_FOR_WHOLE, abs=1e-3)
+
+
+def test_gains_from_estimates_are_of_the_loop_whose_lags_are_fed_back():
+    rates = "chi_dot", "gamma_dot"
+    gains = ft.PIGains(
+        K_P=np.diag([1.5, 1.2]), K_I=np.diag([0.6, 0.4]), inputs=rates, feedback=(0.5, 0.3)
+    )
+    law = ft.loop.LinearModel(
+        A=np.zeros((2, 2)), B=-np.eye(2), C=np.eye(2), states=("chi", "gamma"), inputs=rates
+    )
+    model = with_input_lag(law, (5.0, 7.0))
+    certificate = certify_model(model, gains, estimates=True).certificate
+
+    attained = np.abs(responses(certificate)).sum(axis=0) * DT
+
+    assert attained == pytest.approx(certificate.peak_gains, rel=TAKEN_FOR_WHOLE, abs=1e-3)
+
+
+def test_a_true_error_has_the_gains_from_all_estimates_and_its_own_is_from_its_own(of_paper):
+    gains = np.array([[1.0, 3.0], [2.0, 0.5]])
+    stated = replace(of_paper.certificate, peak_gains=gains)
+
+    chi, gamma = replace(of_paper, certificate=stated, estimate_sd=(0.01, 0.02)).values["estimates"]
+
+    assert (chi["peak_gain"], gamma["peak_gain"]) == (1.0, 0.5)
+    # three deviations: 0.03 + 3 * 0.06, and 2 * 0.03 + 0.5 * 0.06
+    assert (chi["error_rad"], gamma["error_rad"]) == pytest.approx((0.21, 0.09))
 
 
 @pytest.mark.parametrize("certified", OF_MISSION, indirect=True)
