@@ -322,6 +322,8 @@ def test_models_have_the_gravity_of_the_law_at_their_own_speeds_and_angles_or_no
 
     assert certificates.law_gravity(conditions, at) == pytest.approx(1.62)
     assert certificates.law_gravity(conditions[::-1], at) is None
+    heavier = ft.loop.kinematic_model(V_a=30.0, gamma=-0.1, g=3.7)
+    assert certificates.law_gravity(conditions, [at[0], heavier]) is None
     assert certificates.law_gravity(conditions[:1], [replace(at[0], B=0.0 * at[0].B)]) is None
     assert certificates.law_gravity(conditions[:1], [replace(at[0], B=-at[0].B)]) is None
     assert certificates.law_gravity([(25.0, np.pi / 2)], at[:1]) is None

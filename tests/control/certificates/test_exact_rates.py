@@ -102,6 +102,37 @@ def test_a_forged_exact_rate_is_not_valid(mission, place, forgery):
     assert "loop)" in verification.reason
 
 
+def test_each_of_two_exact_rates_is_proven(mission):
+    continuous, sampled = mission.exact_rates
+    faster = replace(sampled, rate=1.002 * sampled.rate)
+
+    verification = ft.verify(replace(mission, exact_rates=(continuous, faster))).verification
+
+    assert "(sampled loop)" in verification.reason
+
+
+def test_a_weak_certificate_is_weak_by_its_continuous_rate(mission):
+    continuous, sampled = mission.exact_rates
+    halved_in = np.log(2.0) / 0.001 / 60.0  # minutes
+
+    weak = replace(mission, exact_rates=(replace(continuous, rate=0.001), sampled))
+
+    assert "halves errors" not in mission.in_words
+    assert f"halves errors in {halved_in:.2g} minutes" in weak.in_words
+
+
+def test_exact_rates_are_of_the_trim_alone_and_continuous_first(mission):
+    there = replace(mission.claim, conditions=((25.0, 0.1),))
+    other = replace(mission.model, errors=("own", "other"))
+
+    with pytest.raises(ft.InputError, match="`exact_rates` must be empty with"):
+        replace(mission, claim=there, models=(mission.model,))
+    with pytest.raises(ft.InputError, match="continuous loop, then of the sampled one"):
+        replace(mission, exact_rates=mission.exact_rates[::-1])
+    with pytest.raises(ft.InputError, match="must have the states, inputs and errors"):
+        replace(mission, exact_rates=(), claim=there, models=(other,))
+
+
 def test_exact_rates_are_of_the_gains_of_their_certificate(mission):
     slower = replace(mission.gains, K_I=0.9 * mission.gains.K_I)
 
