@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +11,8 @@ from made_up import made_up_scenario
 from made_up_tubes import tube, tube_scenario
 
 import flighttune as ft
+from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.proof import settled_from
-from flighttune.claims.tubes.tube import stated_problem
 
 FLIGHT = {
     "V_a_mps": 23.0, "g_mps2": 9.7, "chi_deg": -8.0, "gamma_deg": 3.0, "phi_deg": 6.0, "n_z": 1.1,
@@ -30,7 +32,7 @@ def loop_of(law="paper", plant="kinematic", **tables):
         law=[{"name": law, "kind": law}], plant=[{"kind": plant}],
         controller={"rate_hz": 40.0, **tables.pop("controller", {})}, **tables,
     )  # fmt: skip
-    return stated_problem(scenario).loop
+    return tubes.stated_problem(scenario).loop
 
 
 @pytest.mark.parametrize(
@@ -94,20 +96,43 @@ def test_disturbances_reach_either_side_and_are_no_smaller_than_those_of_the_sce
     turn["disturbance"] = {"chi_amplitude": chi, "gamma_amplitude": gamma}
     turn = ft.scenario_from(turn)
 
-    low, high = stated_problem(turn, ft.PAPER_GAINS).disturbances
+    low, high = tubes.stated_problem(turn, ft.PAPER_GAINS).disturbances
     assert high == pytest.approx(np.tile(np.abs([chi, gamma]), (6, 1)))
     assert low == pytest.approx(-high)
-    low, high = stated_problem(turn, ft.PAPER_GAINS, disturbance=0.25).disturbances
+    low, high = tubes.stated_problem(turn, ft.PAPER_GAINS, disturbance=0.25).disturbances
     assert (low.tolist(), high.tolist()) == ([[-0.25, -0.25]] * 6, [[0.25, 0.25]] * 6)
     with pytest.raises(ft.InputError, match=r"`disturbance` must be at least .* 0.2 rad/s"):
-        stated_problem(turn, ft.PAPER_GAINS, disturbance=0.15)
+        tubes.stated_problem(turn, ft.PAPER_GAINS, disturbance=0.15)
 
 
 def test_starts_are_within_an_eighth_of_a_turn():
     with pytest.raises(ft.InputError, match=r"`start` must lie in 0..45 deg, got 45 deg"):
-        stated_problem(tube_scenario(), ft.PAPER_GAINS, start=math.pi / 4)
+        tubes.stated_problem(tube_scenario(), ft.PAPER_GAINS, start=math.pi / 4)
     with pytest.raises(ft.InputError, match=r"`start` must lie in 0..45 deg"):
-        stated_problem(tube_scenario(), ft.PAPER_GAINS, start=-0.01)
+        tubes.stated_problem(tube_scenario(), ft.PAPER_GAINS, start=-0.01)
+
+
+@pytest.mark.parametrize("outside", [None, (0.0, 0.0), (-0.05, 0.05), (0.05, -0.05)])
+def test_flights_from_the_middle_and_all_corners_of_the_starts_must_be_inside(monkeypatch, outside):
+    problem, flown = tubes.stated_problem(tube_scenario(), ft.PAPER_GAINS, start=0.05), set()
+    middle = problem.entry.condition
+
+    def simulate(*_, condition, **__):
+        return (
+            round(condition.chi - middle.chi, 9),
+            round(condition.gamma - middle.gamma, 9),
+        ), None
+
+    def contain(off):
+        flown.add(off)
+        return off != outside
+
+    monkeypatch.setattr(tubes, "simulate", simulate)
+    enclosure = SimpleNamespace(problem=problem, bounds=SimpleNamespace(contain=contain))
+
+    assert tubes.flights_inside(enclosure) == (outside is None)
+    if outside is None:
+        assert flown == {(0.0, 0.0), *product((-0.05, 0.05), repeat=2)}
 
 
 def test_a_route_has_no_tube():
@@ -115,7 +140,7 @@ def test_a_route_has_no_tube():
     del tables["reference"]
 
     with pytest.raises(ft.InputError, match="`route` must be absent for a tube"):
-        stated_problem(ft.scenario_from(tables), ft.PAPER_GAINS)
+        tubes.stated_problem(ft.scenario_from(tables), ft.PAPER_GAINS)
 
 
 @pytest.mark.parametrize(
