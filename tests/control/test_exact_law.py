@@ -430,7 +430,7 @@ def test_a_file_of_gains_keeps_the_feedback(tmp_path):
 
 
 def test_three_channels_command_the_rates_and_the_thrust_of_their_gains():
-    """By hand: nu = ref' + K_P e, lift V cos(gamma) nu_chi / g, thrust sin(gamma) + V nu_V / g."""
+    """The rates are ref' + K_P e, lift is V cos(gamma) nu_chi / g, n_x sin(gamma) + V nu_V / g."""
     K_P = np.array([[1.4, 0.0, 0.3], [0.0, 1.2, 0.2], [0.1, 0.05, 0.5]])
     gains = ft.PIGains.from_lists(K_P, np.diag([0.7, 0.6, 0.4]), law="exact")
     here = seen(0.3, 0.05, 24.0)._replace(n_x=(0.1, -1.0, 1.0))

@@ -292,7 +292,7 @@ def test_without_a_velocity_the_load_factor_is_that_which_carries_the_weight(the
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_load_factor_of_a_path_is_that_of_its_coordinated_turn(side):
-    """At 25 m/s and 0.2 rad/s without a heading: the tangent of roll is V times the rate over g."""
+    """The tangent of roll is V times the rate over g, here of 25 m/s and 0.2 rad/s, no heading."""
     chi, phi = 0.2 * side * np.arange(100) * 0.01, side * math.atan(25.0 * 0.2 / G)
     given = {"v_north": 25.0 * np.cos(chi), "v_east": 25.0 * np.sin(chi), "v_down": 0.0 * chi}
     motion = relations.Motion({**given, "phi": np.full(100, phi)}, 0.01)

@@ -139,7 +139,7 @@ def test_sizes_of_a_volume_are_rounded_outwards_to_decimetres():
 
 @pytest.mark.parametrize("turns", [1.0, -1.0, 0.0])
 def test_the_area_around_a_path_holds_every_place_within_its_width(turns):
-    """On the outside of circles of 60 m, and all around both ends of the path, or of a leg."""
+    """The places lie outside of circles of 60 m, and around both ends of the path or of a leg."""
     ability = Ability(V_a=15.0, wind=0.0, phi=0.7, phi_rate=1.0, gamma=(-0.2, 0.2), g=9.81)
     circles = Waypoint(north=300.0, east=0.0, turns=turns, radius=60.0)
     path = plan([Waypoint(north=0.0, east=0.0), circles], ability)

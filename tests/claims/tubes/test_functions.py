@@ -346,7 +346,7 @@ def test_a_response_that_moves_away_from_its_command_first_is_contained(command)
 @pytest.mark.parametrize("frequency", [12.0, 150.0])
 @pytest.mark.parametrize("h", [0.02, 0.1])
 def test_a_lag_is_sampled_to_the_last_digit(frequency, h):
-    """From 0 towards 1 and from 1 towards 0, even where 15 time constants are in a sample."""
+    """The lag goes from 0 to 1 and from 1 to 0, also with 15 time constants in a sample."""
     sampled = SampledLag.of(ft.loop.InnerLag(order=1, natural_frequency=frequency), h)
 
     x = frequency * h

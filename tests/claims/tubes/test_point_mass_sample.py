@@ -8,7 +8,7 @@ import pytest
 from flighttune.claims.tubes import dynamics, forms, interval
 
 INTEGRATED = 1e-9
-"""Of the classical Runge-Kutta rule with 20 steps for each half of a sample."""
+"""The classical Runge-Kutta rule, with 20 steps for each half of a sample, errs by less."""
 
 WIDER = 2.6
 """Widths of rates over those of the flights: the path angle is taken to turn both ways."""

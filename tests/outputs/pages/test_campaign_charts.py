@@ -16,7 +16,7 @@ TENTH = 0.051
 """Shares are said in tenths of a percent."""
 
 RUNS = 160
-"""Of two plants and two gain sets, of 40 flights each."""
+"""Two plants with two gain sets fly 40 times each."""
 
 BOUNDS = (
     {"at_most": {"chi": {"ITAE": 4.0}}},
