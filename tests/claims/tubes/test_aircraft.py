@@ -45,6 +45,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     assert found.status == "bounded"
     assert tubes.flights_inside(found)
     assert "probability at most 0.05" in found.problem.model
+    assert "with probability at most 0.05" in found.answer().notes[-1]
     found.save(tmp_path / "tube.npz")
     assert ft.verify(tmp_path / "tube.npz").valid
 

@@ -479,6 +479,12 @@ def test_facts_of_a_run_end_with_its_errors_in_degrees():
     assert said["flown"] == "0.5 s, 2 samples"
     assert said["signals"] == "chi_err, gamma_err"
     assert said["gains"].startswith("K_P [1.6968, 0.5906; -0.5906, 1.9556], K_I [3.4869,")
+    assert "feedback" not in said["gains"]
+    exact = ft.PIGains.from_lists([[1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 1.0]], law="exact")
+    fed = replace(exact, feedback=(0.5, 0.25))
+    run = replace(run, provenance=replace(run.provenance, gains=fed))
+    (gains,) = (row["value"] for row in run_answers.facts(run).records if row["what"] == "gains")
+    assert gains.endswith("], feedback 0.5, 0.25")
 
 
 IN, OUT, ALARM = (-0.1, 0.1), (0.1, 0.2), Alarm(3.0, "turn")

@@ -7,6 +7,7 @@ import pytest
 from made_up_tubes import tube, tube_scenario
 
 import flighttune as ft
+from flighttune.claims.tubes.enclosure import CountedProbability
 from flighttune.claims.tubes.tube import TriedDisturbances
 from flighttune.outputs.answers import tube as answers
 
@@ -65,6 +66,16 @@ def test_what_a_tube_does_not_claim_is_in_its_notes(found):
     assert (said.verdict, said.failure) == ("", "it is lost from 0.2 s on")
     assert said.notes == []
     assert said.values["status"] == "unbounded"
+
+
+def test_a_counted_probability_is_in_the_last_note(found, monkeypatch):
+    counted = CountedProbability(of="flight", at_most=0.05, confidence=0.95)
+    monkeypatch.setattr(type(found), "probability", counted)
+
+    note = found.answer().notes[-1]
+
+    leaves = "a flight of the distribution counted leaves the tube with probability at most 0.05"
+    assert note == f"{leaves}, confidence 0.95"
 
 
 def test_a_search_states_the_largest_disturbance_whose_set_is_bounded(found):
