@@ -106,7 +106,7 @@ def test_the_wind_at_the_start_blows_from_where_it_comes(speed, from_deg):
 
 
 def test_the_wind_at_the_start_is_that_of_its_height():
-    """Halfway between 2 m/s and 8 m/s from the south, which blow to the north."""
+    """The height is halfway between winds of 2 m/s and 8 m/s from the south, which blow north."""
     level = [{"h_m": h, "speed_mps": V, "from_deg": 180.0} for h, V in ((0.0, 2.0), (600.0, 8.0))]
     plant = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
     flight = {"V_a_mps": 25.0, "h_m": 300.0}

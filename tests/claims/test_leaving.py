@@ -91,7 +91,7 @@ def test_a_flight_without_samples_left_at_its_start():
         ("circle", 1.0, 2.6, 2.5),
         # under the floor, 2.6 s, before the flight is ended
         ("cut", 1.2, 2.6, 2.7),
-        ("cut", 1.1, NEVER, 2.6),  # and at the sample of its ending
+        ("cut", 1.1, NEVER, 2.6),  # at the sample of its ending too
         # the last sample, and later
         ("turn_back", 1.5, 2.6, 3.0),
         ("turn_back", 1.6, 2.6, NEVER),

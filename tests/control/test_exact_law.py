@@ -225,7 +225,7 @@ def test_a_climb_that_the_rate_limit_could_not_take_back_is_not_asked_for():
     caught = math.sqrt(2.0 * 0.5 * (G / 25.0) * 1.0 * fast)  # v^2 = 2 a s
     assert law.state.u_unsat[1] == pytest.approx(1.0 + 25.0 * caught / G, abs=ROUNDING)
     assert law.state.limited[1] == 2
-    # and while the command has arrived there
+    # It holds also while the command has arrived there.
     command(law, seen(), ft.loop.ReferenceSample(0.0, fast), samples=400)
     assert law.state.u[1] == law.state.u_unsat[1]
     assert law.state.limited[1] == 2

@@ -170,7 +170,7 @@ def test_a_message_of_a_dataflash_log_has_the_time_since_boot(fields, seconds):
 
 
 def test_the_part_of_a_log_in_a_flight_mode_has_the_times_of_that_mode_alone(tmp_path):
-    """For 5 s each: FBWA (ArduPlane's mode 5), AUTO (10), FBWA, AUTO, FBWA and LOITER (12)."""
+    """FBWA (mode 5 of ArduPlane), AUTO (10), FBWA, AUTO, FBWA and LOITER (12) last 5 s each."""
     modes = (5, 10, 5, 10, 5, 12)
     lines = [
         "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",

@@ -401,7 +401,7 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
         assert (np.abs(off)[on] <= fence.sag[edge][on] + 0.001).any()
 
     assert fence.sag.max() <= 0.05
-    # and no part is needless: the sag falls with the square of their number
+    # No part is needless: the sag falls with the square of their number
     assert fence.sag[edge].max() * (sum(edge) / (sum(edge) - 1.0)) ** 2 > 0.05
     assert fence.names[-2:] == ("ceiling", "floor")
 

@@ -491,7 +491,7 @@ def test_roll_and_lift_are_planned_for_the_place_of_their_lead(lead, wind):
 
 
 def test_an_airspeed_that_changes_is_asked_for_with_its_rate_along_the_route():
-    """From the turn on 30 m/s, then 20 m/s; twice 0.05 g are added to V^2 in each metre."""
+    """30 m/s is asked for after a turn, 20 m/s after the next; V^2 changes by 0.1 g a metre."""
     places = ((0, 0), (600, 0), (600, 1200), (1800, 1200))
     path = plan([Waypoint(north=n, east=e) for n, e in places], ABILITY)
     ends = [x.start + x.length for x in path.stretches if x.kind == "turn"]

@@ -404,7 +404,7 @@ def test_turbulence_has_the_lengths_and_strengths_of_the_standard_for_its_height
     assert (scales.L_u, scales.L_w) == pytest.approx(lengths, rel=ROUNDING)
     assert (scales.sigma_u, scales.sigma_w) == pytest.approx(deviations, rel=ROUNDING)
     assert (scales.tau_u, scales.tau_w) == pytest.approx(np.divide(lengths, 180.0), rel=ROUNDING)
-    # of roll, by the span
+    # The gusts that roll the aircraft depend on its span.
     root = math.sqrt(lengths[1] * span)
     assert scales.sigma_p == pytest.approx(1.9 / root * deviations[1], rel=ROUNDING)
     assert scales.tau_p == pytest.approx(root / 2.6 / 180.0, rel=ROUNDING)
