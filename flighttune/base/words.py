@@ -110,7 +110,7 @@ def listed(words: Sequence[str], joint: str = "and", most: int | None = None) ->
 
 
 # A first word that takes a capital: neither a symbol nor the name of a file, plant or run.
-SYMBOLS = r"(?!(?:chi|gamma|phi|theta|psi|alpha|beta|north|east|down)\b)"
+SYMBOLS = r"(?!(?:chi|gamma|phi|theta|psi|alpha|beta|north|east|down|lat|lon|[b-z])\b)"
 WORD = re.compile(SYMBOLS + r"[a-z]+(?= (?!/))")
 
 # A command at the end of a note; a full stop would look like part of it.

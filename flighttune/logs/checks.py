@@ -52,6 +52,9 @@ LATER = {"motion": 2.0, "flight": 2.0, "loop": 1.25}
 COARSE_S = 0.1  # sample time at which columns are compared
 MAX_SAMPLES = 20_000
 ENOUGH_S = 10.0
+WINDOW_S = 5.0  # time over which a column is compared with its value from others
+AGREEING = 0.75  # share of such windows that outweighs the others
+NEAR_IT = 0.4  # rms difference in a window, relative to the value from others: below that of knots
 MAX_CURES = 6
 OTHERS = 0.3  # cost of a change of columns other than the judged column
 ONE_CLOCK = 0.03  # share by which ratios of one clock may differ
@@ -111,6 +114,7 @@ class Match(NamedTuple):
     at_once: float = 0.0  # correlation without a delay
     turned: float = 0.0  # angle by which a vector is turned clockwise, rad
     why: str = ""  # why it cannot be judged
+    most: float = 1.0  # share of the time in which it agrees
 
 
 def _match(relation: Relation, motion: Motion) -> Match:
@@ -130,7 +134,30 @@ def _match(relation: Relation, motion: Motion) -> Match:
     if isinstance(sides, str):
         return Match("cannot tell", used, why=sides)
     column, other = (motion.smooth(side.reshape(len(side), -1)) for side in sides)
-    return _judged(relation, column, other, motion.dt)._replace(used=used)
+    found = _judged(relation, column, other, motion.dt)
+    if found.status == "unlike":
+        share = _agreeing(column, other, relation.still, motion.dt)
+        if share >= AGREEING:
+            found = found._replace(status="agrees", most=share)
+    return found._replace(used=used)
+
+
+def _agreeing(column: FloatArray, other: FloatArray, still: float, dt: float) -> float:
+    """Share of the windows in which a column is near its value from others; 0 with too few.
+
+    A correlation is that of the largest motions: a few seconds of them spoil it where the rest of a
+    flight hardly varies. Windows in which the value from others is below `still` tell nothing.
+    """
+    size = max(1, round(WINDOW_S / dt))
+    sides = [side[: len(side) // size * size] for side in (column - other, other)]
+    off, level = (
+        np.sqrt(np.mean(np.sum(side.reshape(-1, size, side.shape[1]) ** 2, axis=2), axis=1))
+        for side in sides
+    )
+    telling = np.isfinite(off) & (level > still)
+    if np.count_nonzero(telling) * WINDOW_S < ENOUGH_S:
+        return 0.0
+    return float(np.mean(off[telling] < NEAR_IT * level[telling]))
 
 
 def _judged(relation: Relation, column: FloatArray, other: FloatArray, dt: float) -> Match:
@@ -505,6 +532,8 @@ def _say_rest(said: Verdicts, now: _Judgement, given: Given) -> None:
         for relation, match in holds[:1]:
             off = relation.about == "values" and abs(math.log(match.ratio)) > 0.05
             ratio = f" ({match.ratio:.2f} times it)" if off else ""
+            if match.most < 1.0:
+                ratio = f" (in {100.0 * match.most:.0f} % of the time)"
             agree.setdefault(relation.others, []).append(name + ratio)
         if not holds:
             reasons = [match.why for _, match in about if match.why]
@@ -567,19 +596,22 @@ def coarse(given: Given, dt: float) -> tuple[Given, float]:
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def checked(
-    raw: Given, t: FloatArray, said: Mapping[str, str]
-) -> tuple[dict[str, FloatArray], list[str], list[str]]:
-    """Signals of a run from raw signals on one time base, notes, and contradictions of columns."""
-    dt = float(t[1] - t[0])
-    values, notes = completed(raw, dt)
-    wrong = list(said.values())
+def verdicts(raw: Given, t: FloatArray, said: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """Contradictions of the columns of a log on one time base, and notes; `said` by column."""
     if t[-1] - t[0] < ENOUGH_S:
-        notes.append(f"No column can be checked: the log lasts less than {ENOUGH_S:g} s.")
-    elif "phi" not in said:
-        verdicts = judged(*coarse({x: raw[x] for x in raw if x not in said}, dt))
-        wrong += verdicts.wrong
-        notes += verdicts.notes
+        short = f"No column can be checked: the log lasts less than {ENOUGH_S:g} s."
+        return [*said.values()], [short]
+    if "phi" in said:
+        return [*said.values()], []
+    columns = {name: column for name, column in raw.items() if name not in said}
+    found = judged(*coarse(columns, float(t[1] - t[0])))
+    return [*said.values(), *found.wrong], found.notes
+
+
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+def signals_of(raw: Given, t: FloatArray) -> tuple[dict[str, FloatArray], list[str]]:
+    """Signals of a run from raw signals on one time base, and notes on those that were made."""
+    values, notes = completed(raw, float(t[1] - t[0]))
     for place in ("north", "east", "down"):
         if place in values:
             there = values[place][np.isfinite(values[place])]
@@ -587,7 +619,7 @@ def checked(
     for name in ("chi", "gamma"):
         if {name, f"{name}_ref"} <= values.keys():
             values[f"{name}_err"] = np.angle(np.exp(1j * (values[f"{name}_ref"] - values[name])))
-    return values, notes, wrong
+    return values, notes
 
 
 def check_flight(place: str, signals: Mapping[str, FloatArray], vehicle: str) -> None:

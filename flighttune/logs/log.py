@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, RecordingError
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import shown, toml_tables
 from flighttune.base.signals import SIGNAL_UNITS
@@ -23,7 +23,7 @@ from flighttune.base.units import DEG, FT, G_0, KNOT
 from flighttune.base.words import listed
 from flighttune.flight.fly import library_versions
 from flighttune.flight.loop.run import Provenance, Run
-from flighttune.logs.checks import check_flight, checked, degrees_as_radians
+from flighttune.logs.checks import check_flight, degrees_as_radians, signals_of, verdicts
 from flighttune.logs.read import Column, read_log
 from flighttune.logs.streams import EVENTS, Phase, in_words, inside, on_one_base, phases
 from flighttune.routes.maps import TOO_LARGE
@@ -256,7 +256,14 @@ def load_log(
     t, values = on_one_base(str(path), raw, start, end, table=kind == "csv")
     there = inside(t + start, chosen) if mode else np.ones(len(t))
     values = {name: column * there for name, column in values.items()}
-    signals, notes, wrong = checked(values, t, said)
+    signals, notes = signals_of(values, t)
+    whole = t, values
+    if start > 0.0 or end < math.inf:
+        # The whole log tells more of a column than a part, in which it may hardly vary.
+        with suppress(RecordingError):  # e.g. over hours, or with a break
+            whole = on_one_base(str(path), raw, 0.0, math.inf, table=kind == "csv")
+    wrong, of_columns = verdicts(whole[1], whole[0], said)
+    notes += of_columns
     # Units, such as km/h, may follow a colon.
     passed = [x for x in wrong if {*trusted} & {*re.findall(r"\w+", x.partition(":")[0])}]
     wrong = [line for line in wrong if line not in passed]

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from flighttune.base import endings, words
+from flighttune.base.signals import SIGNAL_UNITS
 
 
 @pytest.mark.parametrize(
@@ -96,3 +97,9 @@ def test_endings_are_counted_by_status_and_by_reasons_that_differ_in_numbers_alo
         {"status": "left", "reason": "too slow", "count": 1, "run": 0},
     ]  # fmt: skip
     assert endings.why_ended(rows[1:2]) == " 1 left: too slow"
+
+
+def test_a_sentence_that_begins_with_a_signal_keeps_its_case():
+    words_too = {"aileron", "elevator", "rudder", "throttle", "along", "thrust"}
+    for signal in SIGNAL_UNITS.keys() - words_too:
+        assert words.sentence(f"{signal} is unlike the course").startswith(f"{signal} ")

@@ -95,6 +95,36 @@ def test_a_right_log_is_not_accused(log_of, flight):
     assert any(line.startswith("These agree: ") for line in log["checks"])
 
 
+@pytest.mark.parametrize("rate", "pqr")
+@pytest.mark.parametrize("at", [0.0, 60.0, 110.0])
+def test_a_right_rate_is_not_accused_for_a_few_bad_seconds(log_of, rate, at):
+    """As between two kinds of flight: attitude is coarse, and the rate is large and unlike it."""
+
+    def shaken(log):
+        bad = (log["t_s"] >= at) & (log["t_s"] < at + 6.0)
+        noise = np.random.default_rng(7).standard_normal(len(log))
+        return {rate: np.where(bad, log[rate] + 0.5 * noise.cumsum() * 0.2, log[rate])}
+
+    log = log_of(FLIGHTS["still air"], 25, shaken)
+
+    assert not log["wrong"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [None, "p sign", "V_a in kn"])
+def test_a_part_of_a_log_has_the_verdict_of_the_whole(tmp_path, name):
+    """A part may hardly vary, or be too short to tell anything."""
+    log = sampled(FLIGHTS["still air"](), 25)
+    log.assign(**(ERRORS[name][0](log) if name else {})).to_csv(tmp_path / "f.csv", index=False)
+    whole = ft.load_log(tmp_path / "f.csv").provenance.log["wrong"]
+    last = float(log["t_s"].iloc[-1])
+
+    assert bool(whole) == (name is not None)
+    for start, end in ((0.0, 8.0), (0.4 * last, 0.6 * last), (last - 15.0, last)):
+        part = ft.load_log(tmp_path / "f.csv", start=start, end=end)
+        assert part.provenance.log["wrong"] == whole
+
+
 @pytest.mark.counts
 @pytest.mark.parametrize("rate", [10, 25, 50])
 @pytest.mark.parametrize("make", [*RIGHT.values(), FLIGHTS["Cessna"]], ids=[*RIGHT, "Cessna"])
@@ -200,9 +230,10 @@ def test_any_columns_are_judged_whatever_they_hold():
             kinds = [column, gaps, 0.0 * column, np.nan * column, np.cumsum(column)]
             columns[name] = kinds[random.integers(len(kinds))]
 
-        values, _, _ = checks.checked(columns, t, {})
+        values, _ = checks.signals_of(columns, t)
 
         assert set(columns) <= set(values)
+        checks.verdicts(columns, t, {})
 
 
 @pytest.mark.parametrize(
@@ -839,15 +870,13 @@ def test_signals_of_a_log_begin_at_its_first_place_and_have_their_errors():
     raw["north"] = np.where(t < 0.15, np.nan, 100.0 + 20.0 * t)
     raw |= {"v_north": -20.0 + 0.0 * t, "v_east": 20.0 + 0.0 * t}
 
-    values, notes, wrong = checks.checked(raw, t, {"theta": "theta is in degrees"})
+    values, _ = checks.signals_of(raw, t)
 
     assert values["north"][2:] == pytest.approx(20.0 * (t[2:] - 0.2))
     assert values["east"] == pytest.approx(0.0 * t)
     assert values["down"] == pytest.approx(-t)
     # from a course of 135 deg to one of -3 rad
     assert values["chi_err"] == pytest.approx(np.full(50, 1.25 * math.pi - 3.0))
-    assert notes[-1] == "No column can be checked: the log lasts less than 10 s."
-    assert wrong == ["theta is in degrees"]
 
 
 @pytest.mark.parametrize(
