@@ -121,20 +121,28 @@ class StoppedError(FlightTuneError):
 
     Attributes
     ----------
-    kept : str
-        The file with its flights, from which the same call goes on; empty if none are kept.
+    kept : tuple of str
+        The files with its flights, by stage, from which the same call goes on.
+    lost : bool
+        Whether the flights of the stage that was stopped are not kept.
     """
 
-    kept: str = ""
+    kept: tuple[str, ...] = ()
+    lost: bool = False
 
 
 @contextmanager
-def keeping(file: Path | None) -> Iterator[None]:
-    """Name the file that keeps flights, if it has any, to a StoppedError of the block."""
+def keeping(*files: Path | None) -> Iterator[None]:
+    """Name the files that keep flights, as far as they exist, to a StoppedError of the block.
+
+    The innermost block is that of the stage that was stopped.
+    """
     try:
         yield
     except StoppedError as stopped:
-        stopped.kept = str(file) if file is not None and file.exists() else ""
+        there = [str(file) for file in files if file is not None and file.exists()]
+        stopped.lost |= not (there or stopped.kept)
+        stopped.kept = tuple(dict.fromkeys([*there, *stopped.kept]))
         raise
 
 

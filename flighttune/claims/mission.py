@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, Unpack
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.errors import InfeasibleError, InputError, naming, printable
+from flighttune.base.errors import InfeasibleError, InputError, keeping, naming, printable
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, PER_HOUR, kind_of, load_one, written
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
@@ -325,8 +325,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     hours = declared is not None
     stages = (counted is None) + (turning is not None) + hours
     first = fliers.at_stage(1, stages)
-    band = flown.count(claim, areas, first)
-    with together():
+    with keeping(*_unfinished_of(file, near)), together():
+        band = flown.count(claim, areas, first)
         if file is not None:
             flown.save(band, file)
         if areas:
@@ -357,6 +357,14 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             )
             odds = odds.with_rate(rate)
         return odds
+
+
+def _unfinished_of(file: Path | None, near: Path | None) -> list[Path]:
+    """The files of the unfinished counts of all stages: flights, room to turn back, and hours."""
+    files = [] if file is None else [file]
+    if near is not None:
+        files += [FilesBeside.of(near).room, per_hour_beside(near)]
+    return [unfinished_beside(x) for x in files]
 
 
 def _declared(

@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 from flighttune.base.errors import FORKS, StoppedError, printable
 from flighttune.base.files.code import NOTICE
 from flighttune.base.files.whole import reason_of
+from flighttune.base.words import listed
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.outputs.answers.answer import Answer
 
@@ -207,7 +208,8 @@ def campaign_display() -> Iterator[CampaignDisplay]:
         except StoppedError as stopped:
             said = "its flights are not kept, and nothing is written"
             if stopped.kept:
-                said = f"the same command goes on with the flights in {stopped.kept}"
+                said = f"the same command goes on with the flights in {listed(stopped.kept)}"
+                said += "; those of this stage are not kept" * stopped.lost
             fail(f"interrupted: {said}", INTERRUPTED)
 
 

@@ -60,6 +60,9 @@ class Flown(NamedTuple):
     rest: int  # number of parameters in the file that do not belong to the guidance
     notes: list[str]  # sentences about changes by the version, and about gaps in the file
     beyond: list[str]  # parameters beyond their published ranges, with value and range
+    airspeed: (
+        tuple[str, float] | None
+    )  # parameter of the airspeed that it flies, and its value, m/s
     older_tecs: bool  # whether the autopilot has a TECS before the emulated one
 
 
@@ -70,9 +73,10 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
         raise InputError(f"{path}: must be a file of parameters or a log, got no such file.")
     logged = read_parameters(path)
     values, vehicle, stated, others = read_text(path) if logged is None else (*logged, {})
-    version = version or stated
     if version and not VERSION.match(version):
         raise InputError(f"{path}: `version` must be such as 1.15, got {abridged(version)}.")
+    if not version:  # QGroundControl writes -1.-1.-1 or 0.0.0 for an unknown one
+        version = stated if VERSION.match(stated) and _version(stated) > (0, 0) else ""
     period = _period(path, values, vehicle, version)
     table = guidance()[period]
     defaults = {name: x for name, x, *_ in table["parameters"]}
@@ -81,8 +85,8 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     notes = [*_contradictions(values, others, table)]
     if period == "NPFG_PERIOD" and not version:
         raise InputError(
-            f"{path}: `version` must be given, such as 1.15: the file has none, and some builds of "
-            "PX4 1.17 fly NPFG without NPFG_PERIOD."
+            f"{path}: `version` must be given, as by --version 1.15: the file has none, and some "
+            "builds of PX4 1.17 fly NPFG without NPFG_PERIOD."
         )
     if period == "NPFG_PERIOD" and UNFINISHED.match(version):
         used |= {name: (value, f"PX4 {version}") for name, value in HELD.items()}
@@ -105,10 +109,19 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     told = _told(path, values, version, table)
     notes += _of_version(told, values, table)
     of_guidance = {name for name in values if name.startswith(tuple(table["group"]))}
-    unused = sorted(of_guidance - used.keys() - table.get("former", {}).keys())
+    airspeed = _airspeed(values, table)
+    flown = {*used, *table.get("former", {}), *(airspeed or ())[:1]}
+    unused = sorted(of_guidance - flown)
     rest = len(values.keys() - of_guidance - used.keys())
     name = f"{table['law']} and TECS of {autopilot} {told.words}"
-    return Flown(law, name, rows, unused, rest, notes, beyond, older_tecs=told.older(table))
+    older = told.older(table)
+    return Flown(law, name, rows, unused, rest, notes, beyond, airspeed, older_tecs=older)
+
+
+def _airspeed(values: Mapping[str, float], table: Mapping[str, Any]) -> tuple[str, float] | None:
+    """The parameter of the airspeed that an autopilot flies and its value, m/s; None without it."""
+    stated = ((name, values[name] * by) for name, by in table["airspeed"].items() if name in values)
+    return next(((name, V) for name, V in stated if 0.0 < V < math.inf), None)
 
 
 class Told(NamedTuple):
@@ -139,9 +152,12 @@ def _told(path: Path, values: Iterable[str], version: str, table: Mapping[str, A
         return told
     (autopilot, example), known = table["source"].split(), table["versions"][0]
     telling = next(name for name, first in table["since"].items() if first == known)
+    has = "neither a version nor"
+    if until:  # names that only older versions have
+        example, has = newest, f"{listed(sorted(until))} of {autopilot} {newest} or older, but not"
     raise InputError(
-        f"{path}: `version` must be given, such as {example}: the file has none, nor a name such "
-        f"as {telling} that tells {autopilot} {known} or newer from one with an older TECS."
+        f"{path}: `version` must be given, as by --version {example}: the file has {has} a name "
+        f"such as {telling} that tells {autopilot} {known} or newer from one with an older TECS."
     )
 
 
@@ -167,9 +183,14 @@ def _of_version(told: Told, values: Mapping[str, float], table: Mapping[str, Any
         yield f"{autopilot} {told.words} has an older TECS; that of {table['source']} flies.{lost}"
     ends = ("since", "or newer"), ("until", "or older")
     for (key, word), beyond in zip(ends, (told.newest.__lt__, told.oldest.__gt__), strict=True):
+        against: dict[str, list[str]] = {}
         for name, version in table[key].items():
             if name in values and beyond(_version(version)):
-                yield f"{name} is of {autopilot} {version} {word}: is {told.words} your version?"
+                against.setdefault(version, []).append(name)
+        for version, names in against.items():
+            verb = "are" if len(names) > 1 else "is"
+            of = f"{autopilot} {version} {word}"
+            yield f"{listed(names)} {verb} of {of}: is {told.words} your version?"
 
 
 def _rows(
@@ -228,8 +249,8 @@ def _period(path: Path, values: Mapping[str, float], vehicle: str, version: str)
         return "NAVL1_PERIOD"
     if not version:
         raise InputError(
-            f"{path}: `version` must be given, such as 1.15: the file has neither NPFG_PERIOD nor "
-            "FW_L1_PERIOD, which tell PX4 with NPFG from one with L1."
+            f"{path}: `version` must be given, as by --version 1.15: the file has neither "
+            "NPFG_PERIOD nor FW_L1_PERIOD, which tell PX4 with NPFG from one with L1."
         )
     former = _version(version) <= LAST_L1 and not values.get("FW_USE_NPFG")
     return "FW_L1_PERIOD" if former else "NPFG_PERIOD"

@@ -36,7 +36,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.margins import Loop, Margins, cut_margins
 from flighttune.flight import conditions, models
-from flighttune.flight.load import LAGS_ALONE
+from flighttune.flight.load import LAGS_ALONE, SPEED
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
@@ -73,6 +73,12 @@ LOGGED = {
     "height_err": ("height", "m", 1.0),
     "phi_cmd": ("commanded roll", "deg", DEG_PER_RAD),
 }
+
+# Change of airspeed by gusts, as a share: nearer to an end of its range an aircraft would leave it.
+GUSTS = 0.2
+
+# Relative difference of an airspeed from the autopilot's own from which on it is said first.
+FAR = 0.15
 
 # Relative difference that counts as none: a log has parameters with single precision.
 SINGLE = 1e-6
@@ -262,7 +268,8 @@ def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has 
     seed, changes, workers, scheduler, observer : as for `band`
     like, navigation : as for `mission`
     kept : str or Path, optional
-        File for the flights with both while they are flown: after a kill the same call goes on.
+        File for the flights with both while they are flown: after a kill the same call goes on. Its
+        name gets eight digits of what decides the flights, so that other calls keep their own.
 
     Returns
     -------
@@ -301,7 +308,7 @@ def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has 
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
     of_flights["aircraft"], lags = aircraft_of(aircraft, columns, assume)
-    stated = flights_of_source(place, **of_flights).knowing(navigation)
+    stated = at_own_airspeed(place, of_flights, now).knowing(navigation)
     plan = counting.drawn(stated, gains=gains or None).with_seed(seed)
     check_one_airspeed(str(stated.place), plan.scenario)
     plan = _with_guidance(plan, now)
@@ -324,6 +331,55 @@ def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has 
     tracking = tracking_of(logged, frame)
     notes = [*lags, *lags_alone(plan), *notes, *within_flights(tracking)]
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
+
+
+def at_own_airspeed(source: Any, options: Mapping[str, Any], now: Flown) -> Flights:
+    """Flights of a source, of a mission that leaves it open at the autopilot's own airspeed.
+
+    Without room for gusts in the range of the aircraft, or where the mission cannot be flown at
+    this airspeed, it is flown as stated.
+    """
+    stated, changes = flights_of_source(source, **options), options.get("changes") or {}
+    scenario, route = stated.scenario, stated.scenario.route
+    if now.airspeed is None or scenario.airspeed or route is None or not route.airspeed_assumed:
+        return stated
+    _, V = now.airspeed
+    if not scenario.aircraft or without_room(scenario, V):
+        return stated
+    with suppress(InputError):
+        return flights_of_source(source, **{**options, "changes": changes | {SPEED: V}})
+    return stated
+
+
+def without_room(scenario: Scenario, V: float) -> str:
+    """The range of the first aircraft that has no room for gusts at an airspeed; empty if all do."""
+    for low, high in (table.config.envelope.V_a for table in scenario.aircraft):
+        if not low / (1.0 - GUSTS) <= V <= high / (1.0 + GUSTS):
+            return f"{low:g} to {high:g} m/s"
+    return ""
+
+
+def aircraft_words(plan: Plan) -> str:
+    """The aircraft that flies a plan."""
+    (table, *_) = plan.scenario.plant
+    return f"the lags of {table.identified_model.aircraft}" if table.identified else table.label
+
+
+def airspeed_words(plan: Plan, now: Flown) -> tuple[str, bool]:
+    """A sentence on aircraft and airspeed of the flights, and whether it stands first.
+
+    It does if the airspeed is far from that of the autopilot.
+    """
+    V, said = plan.scenario.flight.V_a_mps, f"Flown by {aircraft_words(plan)} at "
+    if now.airspeed is None:
+        return f"{said}{V:g} m/s.", False
+    name, own = now.airspeed
+    if math.isclose(V, own, rel_tol=SINGLE):
+        return f"{said}{V:g} m/s, {name} of your file.", False
+    way = f"`--set {SPEED}={own:g}` flies it"
+    if of_aircraft := without_room(plan.scenario, own):
+        way = f"the range of this aircraft, {of_aircraft}, has no room for gusts there"
+    return f"{said}{V:g} m/s; your file has {name} {own:g} m/s: {way}.", abs(V / own - 1.0) > FAR
 
 
 def lags_alone(plan: Plan) -> list[str]:

@@ -27,7 +27,6 @@ from flighttune.campaigns.planning.knowing import Knowledge, knowing
 from flighttune.campaigns.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.campaigns.planning.schema import MEASURES, Campaign, CampaignTable
 from flighttune.campaigns.planning.source import Flights, campaign_on, load_campaign
-from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.campaigns.statistics.count import LOOK, sure
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, share
 from flighttune.claims.counted_flights import at_random
@@ -44,6 +43,8 @@ from flighttune.flight.metrics import AIRSPEED, OFF_ROUTE, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.logs.log import Columns
+from flighttune.logs.parameters import flown_now
+from flighttune.studies.beside import at_own_airspeed
 from flighttune.studies.log_aircraft import aircraft_of
 from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
 from flighttune.studies.retune import Counts, Retuned, retune
@@ -596,7 +597,8 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     kept : str or Path, optional
-        File for the flights while they are flown: after a kill the same call goes on.
+        File for the flights while they are flown: after a kill the same call goes on. Its name gets
+        eight digits of what decides the flights, so that other calls keep their own.
     workers : int, optional
         Processes that fly on this machine, by default one per core; the gains found do not depend
         on them.
@@ -635,11 +637,12 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     if autopilot is not None:
         _absent(of_gains | {"until_sure": until_sure}, "with the parameters of an autopilot")
         flown, lags = aircraft_of(aircraft, columns, assume)
-        stated = flights_of_source(scenario, aircraft=flown, like=like, changes=changes)
+        now, file_options = flown_now(autopilot, version), {"aircraft": flown, "like": like}
+        stated = at_own_airspeed(scenario, {**file_options, "changes": changes}, now)
         if stated.mission and like is None:  # nobody stated those of the default campaign
             stated = stated.with_own_requirements()
         counts = Counts(budget or BUDGET, flights, log, columns, file)
-        found = retune(stated.knowing(navigation), Path(autopilot), version, counts, fliers)
+        found = retune(stated.knowing(navigation), Path(autopilot), now, version, counts, fliers)
         return replace(found, notes=(*lags, *found.notes))
     _absent(of_file | of_flights, "without the parameters of an autopilot")
     if not isinstance(scenario, Scenario | str | Path):
@@ -661,7 +664,8 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
     )
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
     with WorkerPool(fliers) as pool:
-        rows = KeptRows(file, {"searched": "gains"}, pool)
+        searched = [x.as_dict() for x in problem.scenarios]
+        rows = KeptRows(file, {"searched": "gains", "scenarios": searched}, pool)
         pool.progress.budget = budget - len(rows)
         search = problem.search(rows, metric)
         if not (starts := starts or starting_gains(first, search.law)):

@@ -35,7 +35,7 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.logs.log import Columns
 from flighttune.logs.parameter_file import changed_text, new_text, number_text
-from flighttune.logs.parameters import Flown, flown_now
+from flighttune.logs.parameters import Flown
 from flighttune.studies.beside import (
     CONFIDENCE,
     CUT,
@@ -44,6 +44,7 @@ from flighttune.studies.beside import (
     MEASURED,
     YOURS,
     accuracy_of,
+    airspeed_words,
     check_one_airspeed,
     guidance_margins,
     guided,
@@ -508,18 +509,13 @@ class Retuned(Answering):
             f"Changed by flighttune: {', '.join(changed)}.",
             "Flown on an emulation of guidance and height above the inner loop of this program, "
             "not on the firmware.",
-            f"Aircraft {self.aircraft}; {self.plan.campaign.title}; {self.plan.draws} fresh draws: "
+            airspeed_words(self.plan, self.now)[0],
+            f"{self.plan.campaign.title}; {self.plan.draws} fresh draws: "
             f"lost {self.start.lost} with the old, {self.best.lost} with the new; "
             f"{', '.join(errors)}.",
             *lags_alone(self.plan),
             *self.plan.scenario.assumptions,
         ]
-
-    @property
-    def aircraft(self) -> str:
-        """The aircraft that flew."""
-        (table, *_) = self.plan.scenario.plant
-        return f"the lags of {table.identified_model.aircraft}" if table.identified else table.label
 
 
 class Counts(NamedTuple):
@@ -533,10 +529,9 @@ class Counts(NamedTuple):
 
 
 def retune(
-    stated: Flights, file: Path, version: str | None, counts: Counts, fliers: Fliers
+    stated: Flights, file: Path, now: Flown, version: str | None, counts: Counts, fliers: Fliers
 ) -> Retuned:
-    """Search the parameters in a file on the first aircraft of a source, and count the result."""
-    now = flown_now(file, version)
+    """Search the parameters of a file on the first aircraft of a source, and count the result."""
     plan = counting.drawn(stated)
     if plan.scenario.route is None:
         raise InputError(f"{stated.place}: must be a route, to search parameters, got none.")

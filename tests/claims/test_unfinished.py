@@ -86,7 +86,7 @@ def test_a_stopped_count_names_the_file_with_which_it_goes_on(tmp_path, monkeypa
     with pytest.raises(StoppedError) as stopped:
         ft.mission("circuit_in_wind", out=tmp_path / "m.npz", observer=Stops(flown), **FEW)
 
-    assert stopped.value.kept == (str(kept) if keeps else "")
+    assert stopped.value.kept == ((str(kept),) if keeps else ())
     assert kept.exists() == keeps
 
 
@@ -122,7 +122,7 @@ def test_a_stopped_count_goes_on_with_its_flights_alone(tmp_path, monkeypatch, o
     made_up_flights(monkeypatch, stopped_after=9)
     with pytest.raises(StoppedError) as stopped:
         ft.mission("circuit_in_wind", out=out, **FEW)
-    assert stopped.value.kept == str(kept)
+    assert stopped.value.kept == (str(kept),)
     assert [file.name for file in tmp_path.iterdir()] == [kept.name]
     if other is None:
         kept.write_bytes(b"damaged")

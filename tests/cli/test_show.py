@@ -132,8 +132,8 @@ def test_a_campaign_without_a_worker_says_so_once():
 @pytest.mark.parametrize(
     ("kept", "said"),
     [
-        ("runs/kept.jsonl", "the same command goes on with the flights in runs/kept.jsonl"),
-        (None, "its flights are not kept, and nothing is written"),
+        (("runs/kept.jsonl",), "the same command goes on with the flights in runs/kept.jsonl"),
+        ((), "its flights are not kept, and nothing is written"),
     ],
 )
 def test_a_stopped_campaign_says_what_is_kept_and_ends_with_130(kept, said):

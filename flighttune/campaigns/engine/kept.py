@@ -15,17 +15,22 @@ from flighttune.campaigns.flying.rows import Drawn, Probes
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.fly import library_versions
 
+# Digits of what decides, in the name of a file.
+DIGITS = 8
+
 
 class KeptRows:
     """Flights of one command, in one or several plans, in a file if there is any.
 
-    `decides` tells the command from others that write to the file, beside the versions. The file is
-    removed once the command has ended well.
+    `decides` and the versions tell the command from others of the same name, in the name of the
+    file: each goes on with its own flights. It is removed once the command has ended well.
     """
 
     def __init__(self, file: Path | None, decides: Mapping[str, Any], pool: WorkerPool) -> None:
-        self._file, self.pool = file, pool
         self._of = _hash({"of": decides, "versions": library_versions()})
+        if file is not None:
+            file = file.with_name(f"{file.stem}-{self._of[:DIGITS]}{file.suffix}")
+        self._file, self.pool = file, pool
         # Rows by plan and run.
         self._rows: dict[tuple[str, int], Row] = {}
         if file is None:

@@ -6,12 +6,23 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from flighttune.base.words import listed, number, percent
+from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.control.margins import Margins
+from flighttune.logs.parameters import Flown
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import margins_table
-from flighttune.studies.beside import CONFIDENCE, CUT, EPSILON, OURS, YOURS, Beside, our_rate_gains
+from flighttune.studies.beside import (
+    CONFIDENCE,
+    CUT,
+    EPSILON,
+    OURS,
+    YOURS,
+    Beside,
+    airspeed_words,
+    our_rate_gains,
+)
 
 Rows: TypeAlias = Sequence[Mapping[str, Any]]
 
@@ -36,9 +47,12 @@ def answer(beside: Beside) -> Answer:
     kept, bound = kept_errors(beside.plan.draws)
     unused = ", ".join(now.unused) or "none"
     return Answer(
-        summary=summary(beside, kept, accuracy, lost),
+        summary=with_airspeed(
+            summary(beside, kept, accuracy, lost), *airspeed_words(beside.plan, now)
+        ),
         values={
             "guidance": now.name,
+            "airspeed": airspeeds(beside.plan, now),
             "accuracy": accuracy,
             "lost": {name: len(rows) for name, rows in lost.items()},
             "parameters": now.rows,
@@ -69,6 +83,17 @@ def answer(beside: Beside) -> Answer:
             f"Not used of the guidance: {unused}. Parameters of other parts: {now.rest}.",
         ],
     )
+
+
+def with_airspeed(said: Sequence[str], words: str, far: bool) -> list[str]:
+    """Sentences with aircraft and airspeed: first if they are far from the user's, else second."""
+    return [words, *said] if far else [said[0], words, *said[1:]]
+
+
+def airspeeds(plan: Plan, now: Flown) -> dict[str, float | None]:
+    """Airspeeds of the flights and of the user's parameters, m/s."""
+    own = None if now.airspeed is None else now.airspeed[1]
+    return {"flown_mps": plan.scenario.flight.V_a_mps, "yours_mps": own}
 
 
 def kept_errors(n: int) -> tuple[str, str]:

@@ -4,9 +4,15 @@ from collections.abc import Sequence
 
 from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
+from flighttune.outputs.answers.beside import (
+    TRACKING,
+    airspeeds,
+    kept_errors,
+    margins_at,
+    with_airspeed,
+)
 from flighttune.outputs.answers.labels import columns
-from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
+from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, airspeed_words, lags_alone
 from flighttune.studies.retune import (
     DRAWS,
     FINAL_DRAWS,
@@ -44,11 +50,14 @@ SETS = {
 def answer(retuned: Retuned) -> Answer:
     """Whether the parameters found are better, both on fresh draws, and the changes."""
     rows, accuracy = changes(retuned), retuned.accuracy
-    said = sentence(retuned)
+    said, (words, far) = sentence(retuned), airspeed_words(retuned.plan, retuned.now)
     return Answer(
-        summary=[said, errors(retuned), margins(retuned), aircraft(retuned)],
+        summary=with_airspeed(
+            [said, errors(retuned), margins(retuned)], f"{words} {other_aircraft(retuned)}", far
+        ),
         values={
             "guidance": retuned.now.name,
+            "airspeed": airspeeds(retuned.plan, retuned.now),
             "better": retuned.better,
             "against": [*retuned.against],
             "held_by": [*map(str, retuned.held_by)],
@@ -114,14 +123,14 @@ def constraints(held: Sequence[Constraint]) -> str:
     return f"{', '.join(first)}, and {last}" if first else last
 
 
-def aircraft(retuned: Retuned) -> str:
-    """The aircraft that flew, and how to fly that of a log."""
-    more = "`--aircraft` names another"
+def other_aircraft(retuned: Retuned) -> str:
+    """How to fly another aircraft, or that of a log."""
+    more = "`--aircraft` names another aircraft"
     if lags_alone(retuned.plan):
         more = "a search on lags alone once chose wrongly, as said below"
     elif retuned.of_log:
         more = f"`--aircraft {retuned.file}` flies the lags of the log instead"
-    return f"The aircraft is {retuned.aircraft}; {more}."
+    return f"{more[0].upper()}{more[1:]}."
 
 
 def told(retuned: Retuned) -> str:
