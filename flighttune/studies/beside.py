@@ -352,7 +352,7 @@ def at_own_airspeed(source: Any, options: Mapping[str, Any], now: Flown) -> Flig
 
 
 def without_room(scenario: Scenario, V: float) -> str:
-    """The range of the first aircraft that has no room for gusts at an airspeed; empty if all do."""
+    """The range of the first aircraft without room for gusts at an airspeed; empty if all have."""
     for low, high in (table.config.envelope.V_a for table in scenario.aircraft):
         if not low / (1.0 - GUSTS) <= V <= high / (1.0 + GUSTS):
             return f"{low:g} to {high:g} m/s"

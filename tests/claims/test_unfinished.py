@@ -10,7 +10,7 @@ import pytest
 from made_up_missions import made_up_flights
 
 import flighttune as ft
-from flighttune.base.errors import StoppedError
+from flighttune.base.errors import StoppedError, keeping
 from flighttune.claims import mission, unfinished
 
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 120.0)]}
@@ -151,3 +151,17 @@ def test_little_of_a_long_count_is_lost_and_little_of_it_is_written():
         assert all(later <= earlier * 1.125 + 1 for earlier, later in pairwise(numbers))
         assert flights / 1.126 < numbers[-1] < flights
         assert sum(numbers) < 9 * flights
+
+
+@pytest.mark.parametrize("there", [(), ("flights",), ("flights", "room"), ("room",), ("hours",)])
+def test_a_stopped_command_names_what_each_stage_keeps(tmp_path, there):
+    """Three stages, of which the last is stopped; all stages are in one command."""
+    flights, room, hours = (tmp_path / name for name in ("flights", "room", "hours"))
+    for name in there:
+        (tmp_path / name).write_text("kept")
+
+    with pytest.raises(StoppedError) as stopped, keeping(flights, room), keeping(hours):
+        raise StoppedError("stopped")
+
+    assert {*stopped.value.kept} == {str(tmp_path / name) for name in there}
+    assert stopped.value.lost == ("hours" not in there)

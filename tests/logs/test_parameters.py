@@ -1,5 +1,6 @@
 """Parameters of an autopilot as ground stations and logs write them."""
 
+import re
 import struct
 
 import pytest
@@ -79,7 +80,8 @@ def test_parameters_of_px4_are_read_by_their_names(tmp_path, write):
 
     assert now.law.parameters == {"NPFG_PERIOD": 12.5}
     assert now.name == "NPFG and TECS of PX4 1.15.4"
-    assert now.unused == ["FW_AIRSPD_TRIM", "NPFG_GSP_MAX_TK"]
+    assert now.unused == ["NPFG_GSP_MAX_TK"]
+    assert now.airspeed == ("FW_AIRSPD_TRIM", 21.0)
     assert now.rest == 1
     rows = {row["name"]: row for row in now.rows}
     assert rows["NPFG_PERIOD"] == {
@@ -170,7 +172,7 @@ def test_builds_of_px4_that_do_not_use_the_period_are_flown_without_it(tmp_path)
         ),
         (
             "FW_T_CLMB_MAX,5",
-            "`version` must be given, such as 1.15: the file has neither NPFG_PERIOD",
+            "`version` must be given, as by --version 1.15: the file has neither NPFG_PERIOD",
         ),
         ("NAVL1_PERIOD,15,5", "line 1 must be NAME,VALUE .* with a decimal point, got .*15,5"),
         ("NAVL1_PERIOD 15,5", "line 1 must be NAME,VALUE .* with a decimal point, got .*15,5"),
@@ -191,7 +193,7 @@ def test_builds_of_px4_that_do_not_use_the_period_are_flown_without_it(tmp_path)
         ("NAVL1_PERIOD,nan", "`NAVL1_PERIOD` must be a positive number, got nan"),
         (HEAD.format(vehicle="Multi-Rotor", version="1.15.4"), "got Multi-Rotor"),
         ("NPFG_PERIOD,8\nMAV_TYPE,2", "got MAV_TYPE 2"),
-        ("NPFG_PERIOD 8", "`version` must be given, such as 1.15"),
+        ("NPFG_PERIOD 8", "`version` must be given, as by --version 1.15"),
         ("NAVL1_PERIOD,-3", "x.param: `NAVL1_PERIOD` must be a positive number, got -3"),
         ("NAVL1_PERIOD\n", "x.param: line 1 must be NAME,VALUE or"),
         ("NAVL1_PERIOD,fast", "x.param: line 1 must be NAME,VALUE or"),
@@ -223,7 +225,7 @@ def test_a_file_of_changed_parameters_flies_the_defaults_of_the_others_and_says_
     assert now.law.parameters == {
         "NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 50.0, "TECS_TIME_CONST": 4.0
     }  # fmt: skip
-    assert now.unused == ["AIRSPEED_CRUISE", "RLL2SRV_TCONST"]
+    assert now.unused == ["RLL2SRV_TCONST"]
     assert now.notes == [
         "NAVL1_PERIOD is not in the file: its default in ArduPilot 4.5, 17 s, flies, as those of "
         "15 others."
@@ -308,10 +310,30 @@ def test_every_default_is_within_its_published_range():
             assert low <= x <= high, name
 
 
-def test_a_version_that_is_none_is_refused_and_a_newer_one_is_told(tmp_path):
-    file = write_params(tmp_path / "px4.params", PX4, version="banana")
-    with pytest.raises(ft.InputError, match=r"`version` must be such as 1\.15, got 'banana'"):
+@pytest.mark.parametrize("unknown", ["-1.-1.-1", "0.0.0", "banana"])
+def test_a_placeholder_for_a_version_states_none(tmp_path, unknown):
+    file = write_params(tmp_path / "px4.params", PX4, version=unknown)
+    with pytest.raises(ft.InputError, match=r"`version` must be given, as by --version 1\.15"):
         flown_now(file)
+    assert flown_now(file, "1.15").name.endswith("PX4 1.15")
+    with pytest.raises(ft.InputError, match=r"`version` must be such as 1\.15, got 'banana'"):
+        flown_now(file, "banana")
+
+
+def test_every_airspeed_of_an_autopilot_is_read_in_mps(tmp_path):
+    """MAVLink has m/s; ArduPilot's older TRIM_ARSPD_CM has cm/s."""
+    file = tmp_path / "x.param"
+    for period, table in guidance().items():
+        for name, unit in table["airspeed"].items():
+            file.write_text(f"{period},17\n{name},{18.0 / unit:g}\n")
+            now = flown_now(file, table["versions"][0])
+
+            assert now.airspeed == (name, pytest.approx(18.0))
+            assert name not in now.unused
+
+
+def test_a_newer_version_is_told(tmp_path):
+    file = tmp_path / "px4.params"
     for version, told in (("1.17.0", False), ("1.18.0", True), ("2.0.0", True)):
         notes = flown_now(write_params(file, PX4, version=version)).notes
         assert ("is newer than 1.17" in str(notes)) == told
@@ -342,10 +364,13 @@ def test_a_file_without_a_version_tells_it_by_names_that_came_or_went(tmp_path, 
 def test_a_file_whose_names_tell_no_version_asks_for_it(tmp_path, rows):
     file = tmp_path / "x.param"
     file.write_text(rows)
-    example, other = ("4.5", "4.3") if "FW" not in rows else ("1.13", "1.11")
-    with pytest.raises(ft.InputError, match=f"x.param: `version` must be given, such as {example}"):
+    other = "4.3" if "FW" not in rows else "1.11"
+    with pytest.raises(ft.InputError, match=r"x\.param: `version` must be given, as by") as refused:
         flown_now(file)
-    assert not flown_now(file, example).older_tecs
+    example = re.search(r"--version ([\d.]+)", str(refused.value))[1]
+    now = flown_now(file, example)
+    assert not now.older_tecs
+    assert "is that your version" not in " ".join(now.notes).replace(f"is {example} ", "is that ")
     assert flown_now(file, other).older_tecs
 
 
