@@ -305,6 +305,45 @@ def test_speeds_are_rounded_outwards_but_for_the_rounding_of_a_product(spread, w
     assert outwards(*spread) == whole
 
 
+def test_models_in_one_answer_are_drawn_from_like_each_alone(tmp_path):
+    """As with ``models=icon_d2,gfs_seamless``; a third has no values here, which is null."""
+    alone = {"icon_d2": forecast(), "gfs_seamless": forecast(from_deg=300.0)}
+    both = forecast()
+    for table in ("hourly", "hourly_units"):
+        both[table] = {
+            name if name == "time" else f"{name}_{model}": column
+            for model, tables in alone.items()
+            for name, column in tables[table].items()
+        }
+    for name in [x for x in both["hourly"] if x.endswith("icon_d2")]:
+        nowhere = name.replace("icon_d2", "nowhere")
+        both["hourly"][nowhere] = [None] * len(both["hourly"]["time"])
+        both["hourly_units"][nowhere] = both["hourly_units"][name]
+
+    of_both, *each = (
+        spread_of(written(tmp_path / "f.json", x), (47.4, 8.52), (90.0, 100.0))
+        for x in (both, *alone.values())
+    )
+
+    for at in (0, 1):
+        end = (min, max)[at]
+        assert of_both.speed_mps[at] == end(x.speed_mps[at] for x in each)
+        assert of_both.from_deg[at] == end(x.from_deg[at] for x in each)
+    assert "2 models" in of_both.words
+
+
+def test_quarters_of_hours_are_read_as_hours_are(tmp_path):
+    hourly = forecast()
+    quarters = {key.replace("hourly", "minutely_15"): table for key, table in hourly.items()}
+
+    said = [
+        spread_of(written(tmp_path / "f.json", x), (47.4, 8.52), (90.0, 100.0))
+        for x in (hourly, quarters)
+    ]
+
+    assert said[0] == said[1]
+
+
 def bad(change, forecast=forecast):
     tables = forecast()
     change(tables)
@@ -340,6 +379,8 @@ BAD = {
         lambda x: x.update(hourly={"time": [0], f"wind_speed_{'9' * 5000}m": [1.0]}),
         "another height",
     ),
+    "an error": (lambda x: x.update(error=True, reason="Parameter out of range"), "out of range"),
+    "a time": (lambda x: x.update(current=x.pop("hourly")), "must have hourly or minutely_15"),
     "low": (lambda x: [x["hourly"].pop(k) for k in [*x["hourly"]] if "120m" in k], "100 m over"),
 }
 

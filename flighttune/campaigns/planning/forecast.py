@@ -1,12 +1,13 @@
 """The spread of a forecast of wind along a route: Open-Meteo's JSON and CSV, and NetCDF.
 
-Wind speed and direction hour by hour, in the unit of ``hourly_units``:
+Wind speed and direction of each hour or quarter of an hour, in the unit of ``hourly_units``:
 
 - at heights over ground, of a forecast (https://open-meteo.com/en/docs) or of the members of an
   ensemble (https://open-meteo.com/en/docs/ensemble-api): ``wind_speed_80m``, ``wind_direction_80m``
   and ``wind_speed_80m_member01``
 - at pressures: ``wind_speed_850hPa`` with ``geopotential_height_850hPa`` above sea level, less the
   ``elevation`` of the ground
+- of several models: ``wind_speed_80m_icon_d2``; a model without values at a height is left out
 - as mean of an ensemble (https://open-meteo.com/en/docs/ensemble-mean-api) with the standard
   deviation of its members: ``wind_speed_100m_spread`` and, if there, ``wind_direction_100m_spread``
 """
@@ -28,14 +29,19 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.table import abridged, file_text, json_tables
 from flighttune.base.units import DEG
+from flighttune.base.words import listed
 from flighttune.campaigns.planning.netcdf import netcdf_tables
 from flighttune.routes.maps import LatLon, json_number, json_part, north_east
 
 # Names of a quantity at a height over ground, m, or a pressure, hPa, of a member of an ensemble or
-# of the spread of its members.
+# of the spread of its members, and of one of several models.
 NAME = re.compile(
     r"(?:wind_?(speed|direction)|geopotential_(height))_(\d{1,5})(m|hPa)(?:_member(\d{1,4}))?(_spread)?"
+    r"(?:_([a-z]\w*))?"
 )
+
+# Tables of values over time: Open-Meteo's answers have one of them, as asked for.
+OVER_TIME = "hourly", "minutely_15"
 
 # Units of the wind speed by their names in `hourly_units`, m/s.
 SPEEDS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mp/h": 0.44704, "kn": 1852.0 / 3600.0}
@@ -207,7 +213,12 @@ def load_forecast(path: str | Path, near: LatLon | None = None) -> WindForecast:
     else:
         tables = json_tables(file) if kind == ".json" else _csv_tables(file)
     with naming(file):
-        hourly, units = (json_part(tables, key, dict) for key in ("hourly", "hourly_units"))
+        if tables.get("error") is True:
+            raise InputError(f"must be a forecast, got the error {abridged(tables.get('reason'))}.")
+        if (over_time := next((key for key in OVER_TIME if key in tables), None)) is None:
+            got = ", ".join(key for key, table in tables.items() if isinstance(table, dict))
+            raise InputError(f"must have {' or '.join(OVER_TIME)}, got {abridged(got or None)}.")
+        hourly, units = (json_part(tables, key, dict) for key in (over_time, f"{over_time}_units"))
         lat, lon = (json_number(tables.get(key), f"`{key}`") for key in ("latitude", "longitude"))
         times = _times(
             hourly, json_number(tables.get("utc_offset_seconds"), "`utc_offset_seconds`")
@@ -237,13 +248,16 @@ class _Of(NamedTuple):
     unit: str  # of the level: m or hPa
     member: int = 0
     spread: bool = False
+    model: str = ""  # of several
 
     @property
     def name(self) -> str:
         """The name of the column."""
         start = "geopotential" if self.quantity == "height" else "wind"
         member = f"_member{self.member:02d}" * (self.member > 0)
-        return f"{start}_{self.quantity}_{self.level}{self.unit}{member}{'_spread' * self.spread}"
+        of_model = f"_{self.model}" if self.model else ""
+        spread = "_spread" * self.spread
+        return f"{start}_{self.quantity}_{self.level}{self.unit}{member}{spread}{of_model}"
 
 
 Columns: TypeAlias = Mapping[_Of, FloatArray]
@@ -253,8 +267,8 @@ def _of(name: str) -> _Of:
     """What the column of a name is of."""
     found = NAME.fullmatch(name)
     assert found is not None  # of the columns that are read
-    speed, height, level, unit, member, spread = found.groups()
-    return _Of(speed or height, int(level), unit, int(member or 0), bool(spread))
+    speed, height, level, unit, member, spread, model = found.groups()
+    return _Of(speed or height, int(level), unit, int(member or 0), bool(spread), model or "")
 
 
 def _column_of(columns: Columns, of: _Of) -> FloatArray:
@@ -270,9 +284,16 @@ def _winds(
     """Wind, (times, levels, members, 2), its heights over ground, m, and what members are."""
     of_wind = [x for x in columns if x.quantity != "height" and not x.spread]
     levels = sorted({(x.unit, x.level) for x in of_wind})
-    members = sorted({x.member for x in of_wind})
     if not levels:
         raise InputError("`hourly` must have wind_speed_80m or another height, got none.")
+    # Beside others, a model has nulls where it has no values: outside of its area, or at a height.
+    empty = {x.model for x in of_wind if x.model and np.isnan(columns[x]).all()}
+    of_wind = [x for x in of_wind if x.model not in empty]
+    if not of_wind:
+        raise InputError(
+            f"`hourly` must have values of a model, got null of {listed(sorted(empty))}."
+        )
+    members = sorted({(x.model, x.member) for x in of_wind})
     spread = any(x.spread and x.quantity == "speed" for x in columns)
     # A member at every corner of the range, and between its directions for `sector`.
     ends = [*product((-1.0, 1.0), np.linspace(-1.0, 1.0, 37).tolist())] if spread else [(0.0, 0.0)]
@@ -281,8 +302,8 @@ def _winds(
     winds = np.empty((count, len(levels), len(members) * len(ends), 2))
     heights = np.empty(winds.shape[:3])
     for i, (unit, level) in enumerate(levels):
-        for k, member in enumerate(members):
-            of = _Of("speed", level, unit, member)
+        for k, (model, member) in enumerate(members):
+            of = _Of("speed", level, unit, member, model=model)
             speed, origin = (
                 _column_of(columns, of._replace(quantity=x)) for x in ("speed", "direction")
             )
@@ -294,6 +315,8 @@ def _winds(
             )
             winds[:, i, across] = np.stack([*around], axis=1)
     kind = f"{len(members)} members" if len(members) > 1 else "one forecast without its error"
+    if len(models := {model for model, _ in members}) > 1:
+        kind = f"{len(models)} models" + f", {len(members)} members" * (len(members) > len(models))
     if spread:
         kind = f"the mean of an ensemble and {DEVIATIONS:g} of its spreads to each side"
     return winds, heights, kind
