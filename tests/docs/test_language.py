@@ -108,7 +108,3 @@ def test_a_page_says_it_in_whole_sentences_and_readable_numbers(page):
 )
 def test_the_check_finds_what_pages_once_said(check, sentence):
     assert [*check(sentence)]
-
-
-def test_readme_has_at_most_600_words():
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 600
