@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.endings import why_ended
-from flighttune.base.errors import InputError, PlantError, keeping
+from flighttune.base.errors import InputError, keeping
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
@@ -30,6 +30,7 @@ from flighttune.claims.ending import Ending
 from flighttune.claims.known import NUMBERS, navigation_errors_of
 from flighttune.claims.measured import SAME, Measured
 from flighttune.claims.unfinished import Unfinished, written_at
+from flighttune.flight.fly import difference
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.schema import Scenario
@@ -172,7 +173,7 @@ def counted_on(
             counted = unfinished.begun(counted, pool.observer)
         with keeping(unfinished and unfinished.file):
             counted = _counted(counted, pool, partial(_flown, pool, plan, kept), judged, unfinished)
-        _check_deciding(judged(counted) if judged else counted, pool)
+            _check_deciding(judged(counted) if judged else counted, pool)
     return replace(counted, compiled=pool.progress.compiled)
 
 
@@ -238,7 +239,7 @@ def deciding(counted: Counted) -> list[int]:
 def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
     """Repeat in JSBSim what decides a count, if compiled flights are in it.
 
-    PlantError names the first difference.
+    DifferenceError names the first draw that differs.
     """
     compiled = pool.progress.compiled
     if not (compiled.flights and len(counted.scores)):
@@ -246,10 +247,7 @@ def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
     draws = deciding(counted)
     with code.in_jsbsim():
         if differ := differing(counted, draws, pool):
-            raise PlantError(
-                f"the compiled flight of draw {differ[0]} must be that of JSBSim, and differs; "
-                "with --jsbsim JSBSim flies."
-            )
+            raise difference(f"draw {differ[0]}", "the extremes of its signals differ")
     pool.progress.compiled = compiled + CompiledFlights(flown_again=len(draws))
 
 

@@ -1,7 +1,7 @@
 """Exits from a volume per flight hour: declared rates of faults times counted flights."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -22,11 +22,12 @@ from flighttune.campaigns.statistics.count import chance_missed, flights_again, 
 from flighttune.campaigns.statistics.per_hour import Count, Exposure, HourlyBound, hourly_bound
 from flighttune.claims.about import Probability
 from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights, check_rates, hourly_plan
-from flighttune.claims.leaving import Alarms, Volume
+from flighttune.claims.leaving import Alarms, Left, Volume
 from flighttune.claims.rates_keys import RatesTable
 from flighttune.claims.unfinished import written_at
 from flighttune.claims.unfinished_hours import KeptTerms
 from flighttune.control.theory.exact import Verification
+from flighttune.flight.fly import difference
 
 # Times since a fault at which flights are ended to find the latest, s, in rising order.
 LATER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 60.0)
@@ -37,6 +38,9 @@ SHORTER, SHORTER_BY_ALARMS = 0.01, 0.05
 
 # Share of the confidence's complement, and epsilon, of flights that a check repeats.
 AGAIN = 0.05
+
+# Flights of each term that left the volume and that JSBSim flies again while they are counted.
+EXITS_AGAIN = 10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -198,12 +202,9 @@ class PerHour(Answering):
                     flown = of_term.flown(pool, runs, "counting again")
             except InputError as error:
                 return Verification(valid=False, reason=str(error))
-            for run, x in zip(runs, flown, strict=True):
-                stated = term.left_s[run], term.end_s[run], term.ended_at_s[run]
-                if stated != (x.left_s, x.end_s, x.ended_s):
-                    name = self.table.name_of(term.fault, term.ended_s)
-                    reason = f"flight {run} of {name} must be as JSBSim flies it again, it is not"
-                    return Verification(valid=False, reason=reason)
+            if different := _different(self, term, runs, flown):
+                reason = f"{different} must be as JSBSim flies it again, it is not"
+                return Verification(valid=False, reason=reason)
             forged = math.ceil(AGAIN * flights)
             missed = chance_missed(forged, flights, again)
             name = self.table.name_of(term.fault, term.ended_s).capitalize()
@@ -240,6 +241,7 @@ def count_per_hour(
     ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
     with WorkerPool(fliers) as pool, keeping(unfinished):
         flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
+        kept = flying.kept.flights
         stated = [(None, None), *((i, fault.ended_s) for i, fault in enumerate(rates.fault))]
         pool.progress.budget = sum(flying.missing(*term) for term in stated)
         healthy = flying.term(None, None, 0.0)
@@ -255,6 +257,8 @@ def count_per_hour(
             terms=(healthy, *faults),
         )
         counted = replace(counted, later=tuple(flying.later(counted)))
+        if kept or pool.progress.compiled.flights:
+            flying.check_compiled(counted)
         flying.kept.remove()
         return counted
 
@@ -283,6 +287,21 @@ class _Flying:
             self.kept.keep(term)
         return term
 
+    def check_compiled(self, counted: PerHour) -> None:
+        """Repeat in JSBSim the first flights of each term that left the volume.
+
+        DifferenceError names the first that differs.
+        """
+        for term in (*counted.terms, *counted.later):
+            runs = [run for run, left in enumerate(term.left_s) if left >= 0.0][:EXITS_AGAIN]
+            if not runs:
+                continue
+            flights = self.ends.term(term.fault, term.ended_s, counted.exposure.window_s)
+            with code.in_jsbsim():
+                flown = flights.flown(self.pool, runs, "flying exits again")
+            if different := _different(counted, term, runs, flown):
+                raise difference(different, "the time at which it left the volume or ended")
+
     def later(self, counted: PerHour) -> Iterator[FlownTerm]:
         """Flights with the fault of the largest term, ended later while the target holds."""
         # The times were fixed before, and the first failure ends the sequence: docs/per_hour.md.
@@ -299,6 +318,17 @@ class _Flying:
             yield term
             if counted.total_with(term) > target:
                 return
+
+
+def _different(
+    counted: PerHour, term: FlownTerm, runs: Sequence[int], flown: Sequence[Left]
+) -> str:
+    """The first of some flights of a term that was flown again and differs; empty if none does."""
+    for run, x in zip(runs, flown, strict=True):
+        stated = term.left_s[run], term.end_s[run], term.ended_at_s[run]
+        if stated != (x.left_s, x.end_s, x.ended_s):
+            return f"flight {run} of {counted.table.name_of(term.fault, term.ended_s)}"
+    return ""
 
 
 def healthy_flights_for(hourly: PerHour) -> int | None:

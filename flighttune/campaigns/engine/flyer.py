@@ -20,7 +20,7 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from flighttune.base.errors import FORKS, PlantError, ending_of, need_fork
+from flighttune.base.errors import FORKS, DifferenceError, PlantError, ending_of, need_fork
 from flighttune.base.files.shipped import TRUST_AIRCRAFT
 from flighttune.base.files.whole import lock, reason_of, scratch_folder, scratch_place
 from flighttune.base.processors import cores
@@ -74,7 +74,10 @@ class Flyer:
                     raise PlantError(limit)
                 ready = True
                 for _ in runs:
-                    answers.append(self._receive(limit + GRACE_S))
+                    answer = self._receive(limit + GRACE_S)
+                    if isinstance(answer, DifferenceError):
+                        raise answer
+                    answers.append(answer)
                     if isinstance(answers[-1], str):
                         break  # the process does not fly the remaining runs
             except (EOFError, OSError):

@@ -1,19 +1,24 @@
 """Workers fly runs of plans into rows; this process flies a few kinematic flights in batches."""
 
+import json
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import chain
 from typing import Any
 
-from flighttune.base.errors import StoppedError
+from flighttune.base.errors import DifferenceError, StoppedError
+from flighttune.base.files import code
 from flighttune.base.processors import cores
 from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, take_ready, work_of
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.flying import rows as flying
+from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE
+from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.campaigns.planning.plan import Plan
+from flighttune.flight.fly import difference
 from flighttune.flight.own import ask_to_fly
 
 # Tasks for each worker: one in flight and one waiting
@@ -134,6 +139,34 @@ class WorkerPool:
         """All rows of `rows`, in order of `run`."""
         return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
 
+    def check_compiled(
+        self,
+        plan: Plan,
+        rows: Iterable[flying.Row],
+        *,
+        probes: flying.Probes | None = None,
+        draws: Sequence[flying.Drawn] | None = None,
+    ) -> None:
+        """Repeat in JSBSim the rows of a plan that decide an answer, where they were compiled.
+
+        DifferenceError names the first column that differs.
+        """
+        compiled = {x["run"]: x for x in rows if COMPILED in x and x[COMPILED].flights}
+        before, endings = self.progress.compiled, [*self.progress.endings]
+        with code.in_jsbsim():
+            for again in self.rows(plan, sorted(compiled), probes=probes, draws=draws):
+                row = compiled[again["run"]]
+                for name in again.keys() - {*NOT_REPRODUCIBLE, COMPILED}:
+                    was, now = row.get(name), again[name]
+                    # NaN equals itself here, and a zero may have the other sign.
+                    if was != now and json.dumps(was) != json.dumps(now):
+                        what = f"`{name}` is {was!s:.40}, by JSBSim {now!s:.40}"
+                        raise difference(
+                            f"draw {row['draw']}, {row['plant']} / {row['gains']}", what
+                        )
+        again = CompiledFlights(flown_again=len(compiled))
+        self.progress.compiled, self.progress.endings = before + again, endings
+
     def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Fly runs of a plan again for their signals: each with the bytes of its recording."""
         self.progress.runs = self.progress.done  # the progress then shows the rows again
@@ -172,6 +205,8 @@ class WorkerPool:
             for future in wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done:
                 try:
                     answers = future.result()
+                except DifferenceError:
+                    raise
                 except Exception as error:
                     raise campaign_error(error, self._scheduler) from error
                 yield pending.pop(future), answers
