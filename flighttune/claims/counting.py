@@ -13,11 +13,9 @@ import numpy.typing as npt
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError, keeping
-from flighttune.base.files import code
 from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.knowing import knowing
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
@@ -30,7 +28,6 @@ from flighttune.claims.ending import Ending
 from flighttune.claims.known import NUMBERS, navigation_errors_of
 from flighttune.claims.measured import SAME, Measured
 from flighttune.claims.unfinished import Unfinished, written_at
-from flighttune.flight.fly import difference
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.schema import Scenario
@@ -237,18 +234,12 @@ def deciding(counted: Counted) -> list[int]:
 
 
 def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
-    """Repeat in JSBSim what decides a count, if compiled flights are in it.
+    """Repeat in JSBSim what decides a count, where it is compiled.
 
-    DifferenceError names the first draw that differs.
+    DifferenceError names the first signal that differs.
     """
-    compiled = pool.progress.compiled
-    if not (compiled.flights and len(counted.scores)):
-        return
-    draws = deciding(counted)
-    with code.in_jsbsim():
-        if differ := differing(counted, draws, pool):
-            raise difference(f"draw {differ[0]}", "the extremes of its signals differ")
-    pool.progress.compiled = compiled + CompiledFlights(flown_again=len(draws))
+    if len(counted.scores):
+        pool.check_compiled(counted_flights.plan_of(counted), deciding(counted))
 
 
 def _check_flights(plan: Plan, place: str, *, windy: bool) -> None:

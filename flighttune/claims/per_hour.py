@@ -1,7 +1,7 @@
 """Exits from a volume per flight hour: declared rates of faults times counted flights."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -22,12 +22,11 @@ from flighttune.campaigns.statistics.count import chance_missed, flights_again, 
 from flighttune.campaigns.statistics.per_hour import Count, Exposure, HourlyBound, hourly_bound
 from flighttune.claims.about import Probability
 from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights, check_rates, hourly_plan
-from flighttune.claims.leaving import Alarms, Left, Volume
+from flighttune.claims.leaving import Alarms, Volume
 from flighttune.claims.rates_keys import RatesTable
 from flighttune.claims.unfinished import written_at
 from flighttune.claims.unfinished_hours import KeptTerms
 from flighttune.control.theory.exact import Verification
-from flighttune.flight.fly import difference
 
 # Times since a fault at which flights are ended to find the latest, s, in rising order.
 LATER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 60.0)
@@ -202,9 +201,12 @@ class PerHour(Answering):
                     flown = of_term.flown(pool, runs, "counting again")
             except InputError as error:
                 return Verification(valid=False, reason=str(error))
-            if different := _different(self, term, runs, flown):
-                reason = f"{different} must be as JSBSim flies it again, it is not"
-                return Verification(valid=False, reason=reason)
+            for run, x in zip(runs, flown, strict=True):
+                stated = term.left_s[run], term.end_s[run], term.ended_at_s[run]
+                if stated != (x.left_s, x.end_s, x.ended_s):
+                    name = self.table.name_of(term.fault, term.ended_s)
+                    reason = f"flight {run} of {name} must be as JSBSim flies it again, it is not"
+                    return Verification(valid=False, reason=reason)
             forged = math.ceil(AGAIN * flights)
             missed = chance_missed(forged, flights, again)
             name = self.table.name_of(term.fault, term.ended_s).capitalize()
@@ -241,7 +243,7 @@ def count_per_hour(
     ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
     with WorkerPool(fliers) as pool, keeping(unfinished):
         flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
-        kept = flying.kept.flights
+        kept = flying.kept.flights  # perhaps compiled
         stated = [(None, None), *((i, fault.ended_s) for i, fault in enumerate(rates.fault))]
         pool.progress.budget = sum(flying.missing(*term) for term in stated)
         healthy = flying.term(None, None, 0.0)
@@ -290,17 +292,13 @@ class _Flying:
     def check_compiled(self, counted: PerHour) -> None:
         """Repeat in JSBSim the first flights of each term that left the volume.
 
-        DifferenceError names the first that differs.
+        DifferenceError names the first signal that differs.
         """
         for term in (*counted.terms, *counted.later):
             runs = [run for run, left in enumerate(term.left_s) if left >= 0.0][:EXITS_AGAIN]
-            if not runs:
-                continue
             flights = self.ends.term(term.fault, term.ended_s, counted.exposure.window_s)
-            with code.in_jsbsim():
-                flown = flights.flown(self.pool, runs, "flying exits again")
-            if different := _different(counted, term, runs, flown):
-                raise difference(different, "the time at which it left the volume or ended")
+            with self.pool.checking():
+                flights.flown(self.pool, runs, "repeating exits", again=True)
 
     def later(self, counted: PerHour) -> Iterator[FlownTerm]:
         """Flights with the fault of the largest term, ended later while the target holds."""
@@ -318,17 +316,6 @@ class _Flying:
             yield term
             if counted.total_with(term) > target:
                 return
-
-
-def _different(
-    counted: PerHour, term: FlownTerm, runs: Sequence[int], flown: Sequence[Left]
-) -> str:
-    """The first of some flights of a term that was flown again and differs; empty if none does."""
-    for run, x in zip(runs, flown, strict=True):
-        stated = term.left_s[run], term.end_s[run], term.ended_at_s[run]
-        if stated != (x.left_s, x.end_s, x.ended_s):
-            return f"flight {run} of {counted.table.name_of(term.fault, term.ended_s)}"
-    return ""
 
 
 def healthy_flights_for(hourly: PerHour) -> int | None:

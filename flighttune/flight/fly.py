@@ -411,15 +411,15 @@ def check_flown(flown: FlownScenario) -> None:
             check_compiled(of_runs[label], run, until_s=FIRST_S)
 
 
-def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None) -> Run:
+def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None, of: str = "") -> Run:
     """The flight of a compiled run by JSBSim, also up to a time (s); DifferenceError if it differs.
 
-    The error names the first signal that differs.
+    The error names the flight, after the words `of` what it is, and the first signal that differs.
     """
     try:
         again = fly_alone(entry, compiled=False, until_s=until_s)
     except OF_A_FLIGHT as error:
-        raise difference(run.label, f"JSBSim does not fly it: {error}") from error
+        raise difference(of + run.label, f"JSBSim does not fly it: {error}") from error
     compiled = run.signals if until_s is None else run.signals.iloc[: len(again.signals)]
     what = ""
     if compiled.shape != again.signals.shape:
@@ -434,7 +434,7 @@ def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None) -> R
         elif until_s is None and (run.status, run.reason) != (again.status, again.reason):
             what = f"it ends as {run.status}, not as {again.status}"
     if what:
-        raise difference(run.label, what)
+        raise difference(of + run.label, what)
     return again
 
 

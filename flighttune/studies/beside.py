@@ -323,7 +323,7 @@ def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has 
         of_flights = KeptRows(None if kept is None else Path(kept), plan.as_dict(), pool)
         rows = of_flights.flown(plan, {KEPT: kept_signals})
         with keeping(of_flights.file):
-            pool.check_compiled(plan, deciding(rows), probes={KEPT: kept_signals})
+            pool.check_compiled(plan, deciding(rows))
         of_flights.remove()
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
@@ -332,14 +332,14 @@ def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has 
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
 
-def deciding(rows: Sequence[Row]) -> list[Row]:
-    """Rows that decide bounds on errors: those not completed, and the largest of each error."""
-    frame = pd.DataFrame(rows, index=pd.Index(range(len(rows))))
-    places = {*frame.index[frame["status"] != "completed"]}
+def deciding(rows: Sequence[Row]) -> set[int]:
+    """Runs that decide bounds on errors: those not completed, and the largest of each error."""
+    frame = pd.DataFrame(rows).set_index("run")
+    runs = {*frame.index[frame["status"] != "completed"]}
     for _, own in frame.groupby("gains"):
         for measure in MEASURED:
-            places |= {*own[measure].astype(float).nlargest(LARGEST_AGAIN).index}
-    return [rows[place] for place in sorted(places)]
+            runs |= {*own[measure].astype(float).nlargest(LARGEST_AGAIN).index}
+    return {int(run) for run in runs}
 
 
 def lags_alone(plan: Plan) -> list[str]:

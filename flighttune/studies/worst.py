@@ -403,9 +403,8 @@ class StatedSet:
     def check_compiled(self) -> None:
         """Repeat the worst flight in JSBSim; DifferenceError if it differs."""
         plan, drawn = self._made_by
-        row = {name: value for name, value in self.worst.items() if name != "value"}
-        draws = [drawn] * plan.runs
-        self.pool.check_compiled(plan, [row], probes=self._probes, draws=draws)
+        if "run" in self.worst:
+            self.pool.check_compiled(plan, [self.worst["run"]], draws=[drawn] * plan.runs)
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
         """Fly draws and return the metric of each; an `Objective`."""

@@ -174,12 +174,15 @@ def fly(work: bytes, draw: "Draw") -> list[Answer]:
     return OF_THREAD.flyer.fly(work, draw)
 
 
-def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False) -> bytes:
-    """A plan and probes, pickled for processes; with `signals` flights are recorded."""
+def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False, again: bool = False) -> bytes:
+    """A plan and probes, pickled for processes; with `signals` flights are recorded.
+
+    `again`: JSBSim repeats each compiled flight.
+    """
     from flighttune.base.files.code import grant
     from flighttune.flight.fly import library_versions
 
     # The versions are compared before the rest is read, because other versions may not be able to
     # read it. A replaced plan has no cached draws.
-    content = replace(plan), probes, signals, grant()
+    content = replace(plan), probes, signals, again, grant()
     return pickle.dumps((library_versions(), pickle.dumps(content)))

@@ -1,24 +1,21 @@
 """Workers fly runs of plans into rows; this process flies a few kinematic flights in batches."""
 
-import json
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
 from flighttune.base.errors import DifferenceError, StoppedError
-from flighttune.base.files import code
 from flighttune.base.processors import cores
 from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, take_ready, work_of
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.flying import rows as flying
-from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE
-from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.plan import Plan
-from flighttune.flight.fly import difference
 from flighttune.flight.own import ask_to_fly
 
 # Tasks for each worker: one in flight and one waiting
@@ -94,8 +91,12 @@ class WorkerPool:
         doing: str | None = None,
         probes: flying.Probes | None = None,
         draws: Sequence[flying.Drawn] | None = None,
+        again: bool = False,
     ) -> Iterator[flying.Row]:
-        """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped."""
+        """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped.
+
+        `again`: JSBSim repeats each compiled flight.
+        """
         runs, work, progress = list(runs), flying.Work(plan, probes or {}, draws), self.progress
         if not runs:
             return
@@ -121,7 +122,7 @@ class WorkerPool:
                     yield flying.Draw((), {})
                 yield from alone
 
-        content = work_of(plan, work.probes)
+        content = work_of(plan, work.probes, again=again)
         for draw, answers in self._answers(doing or "flying", content, alone_draws()):
             rows = [
                 x if isinstance(x, dict) else flying.lost_row(plan, run, draw.drawn, x)
@@ -140,32 +141,26 @@ class WorkerPool:
         return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
 
     def check_compiled(
-        self,
-        plan: Plan,
-        rows: Iterable[flying.Row],
-        *,
-        probes: flying.Probes | None = None,
-        draws: Sequence[flying.Drawn] | None = None,
+        self, plan: Plan, runs: Iterable[int], *, draws: Sequence[flying.Drawn] | None = None
     ) -> None:
-        """Repeat in JSBSim the rows of a plan that decide an answer, where they were compiled.
+        """Let JSBSim repeat runs that decide an answer, if this pool has flown compiled ones.
 
-        DifferenceError names the first column that differs.
+        DifferenceError names the first signal that differs.
         """
-        compiled = {x["run"]: x for x in rows if COMPILED in x and x[COMPILED].flights}
-        before, endings = self.progress.compiled, [*self.progress.endings]
-        with code.in_jsbsim():
-            for again in self.rows(plan, sorted(compiled), probes=probes, draws=draws):
-                row = compiled[again["run"]]
-                for name in again.keys() - {*NOT_REPRODUCIBLE, COMPILED}:
-                    was, now = row.get(name), again[name]
-                    # NaN equals itself here, and a zero may have the other sign.
-                    if was != now and json.dumps(was) != json.dumps(now):
-                        what = f"`{name}` is {was!s:.40}, by JSBSim {now!s:.40}"
-                        raise difference(
-                            f"draw {row['draw']}, {row['plant']} / {row['gains']}", what
-                        )
-        again = CompiledFlights(flown_again=len(compiled))
-        self.progress.compiled, self.progress.endings = before + again, endings
+        if not self.progress.compiled.flights:
+            return
+        with self.checking():
+            for _ in self.rows(plan, sorted(runs), doing="repeating", draws=draws, again=True):
+                pass
+
+    @contextmanager
+    def checking(self) -> Iterator[None]:
+        """Count the flights of the block only as flown again."""
+        progress = self.progress
+        before, endings = progress.compiled, [*progress.endings]
+        yield
+        again = progress.compiled.flown_again - before.flown_again
+        progress.compiled, progress.endings = before + CompiledFlights(flown_again=again), endings
 
     def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Fly runs of a plan again for their signals: each with the bytes of its recording."""

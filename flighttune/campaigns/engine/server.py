@@ -66,7 +66,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
         raise PlantError(
             "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
         )
-    plan, probes, signals, granted = pickle.loads(content)
+    plan, probes, signals, again, granted = pickle.loads(content)
     take(granted)
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
@@ -81,7 +81,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:
-            return fly_draw(plan, draw, probes)
+            return fly_draw(plan, draw, probes, again=again)
         return (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
 
     return plan, fly, granted

@@ -129,8 +129,12 @@ def rows_flown(
     *,
     probes: Probes | None = None,
     draws: Sequence[Drawn] | None = None,
+    again: bool = False,
 ) -> Iterator[Row]:
-    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw."""
+    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw.
+
+    `again`: JSBSim repeats each compiled flight.
+    """
     # All columns but ``wall_s`` depend, to the bit, only on the plan and the run. Draws that
     # replace the design's draws may set keys that the campaign does not disperse.
     ask_to_fly(plan.scenario, plan.flown)
@@ -138,7 +142,7 @@ def rows_flown(
     for together, alone in work.blocks(runs):
         yield from fly_together(plan, together)
         for draw in alone:
-            yield from fly_draw(plan, draw, work.probes)
+            yield from fly_draw(plan, draw, work.probes, again=again)
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
@@ -300,11 +304,11 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     return rows
 
 
-def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
+def fly_draw(plan: Plan, draw: Draw, probes: Probes, *, again: bool = False) -> Iterator[Row]:
     """Rows of the runs of one draw, each as soon as it is flown; of several draws in order."""
     (runs, drawn), began = draw, time.perf_counter()
     if drawn is None:
-        yield from sorted(rows_flown(plan, runs), key=lambda row: row["run"])
+        yield from sorted(rows_flown(plan, runs, again=again), key=lambda row: row["run"])
         return
     try:
         scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
@@ -314,7 +318,7 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
     wind_runs: dict[str, Run] = {}
     for run in runs:
         group = plan.group_of(run)
-        outcome = _fly_alone(plan, scenario, run, wind_runs, probes)
+        outcome = _fly_alone(plan, scenario, run, wind_runs, probes, again=again)
         yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
 
 
@@ -352,7 +356,13 @@ def _end(_label: str, _part: float) -> None:
 
 
 def _fly_alone(
-    plan: Plan, scenario: Scenario, number: int, wind_runs: dict[str, Run], probes: Probes
+    plan: Plan,
+    scenario: Scenario,
+    number: int,
+    wind_runs: dict[str, Run],
+    probes: Probes,
+    *,
+    again: bool = False,
 ) -> Row:
     """Outcome of one flight by its number; `wind_runs` as for `fly_in_wind`."""
     began, group = time.perf_counter(), plan.group_of(number)
@@ -363,9 +373,8 @@ def _fly_alone(
         wall_s = time.perf_counter() - began
         columns = _outcome(plan, scenario, group, wall_s, (run.status, run.reason, measured))
         # Requirements decide nothing in a count, which has probes.
-        again = number % EVERY == 0 or (
-            not probes and decides(entry, measured, success=columns["success"])
-        )
+        again |= number % EVERY == 0
+        again |= not probes and decides(entry, measured, success=columns["success"])
         if entry.plant.aircraft is not None:
             columns[COMPILED] = CompiledFlights.of(run, again=again and run.compiled)
         if again:
@@ -373,7 +382,7 @@ def _fly_alone(
             flown = wind_runs.get(source.label, run)
             if flown.compiled:
                 # Others of the draw need not repeat it: their wind is that of JSBSim.
-                wind_runs[source.label] = check_compiled(source, flown)
+                wind_runs[source.label] = check_compiled(source, flown, of=f"run {number}, ")
     except OF_A_FLIGHT as error:
         return _invalid(error, began)
     if run.status == "completed" or any(getattr(x, "any_end", False) for x in probes.values()):
