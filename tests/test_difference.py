@@ -1,10 +1,11 @@
 """A compiled step that is wrong by a rounding ends every command that flies compiled."""
 
-import tomllib
 from functools import cache
 
 import pytest
-from broken_step import BROKEN, DECIDING_ALONE, ROOT, ROWS, broken_copy, run_in
+from broken_step import BROKEN, DECIDING_ALONE, ROWS, broken_copy, run_in
+
+from flighttune.cli import options
 
 pytest.importorskip("numba")
 
@@ -73,7 +74,6 @@ def test_flights_of_an_earlier_command_are_not_taken_up_again_after_a_difference
 
 
 def test_each_command_flies_compiled_flights_in_a_row_or_never():
-    texts = tomllib.loads((ROOT / "flighttune/cli/commands.toml").read_text())
-    commands = {name for panel, of in texts.items() if panel[0].isupper() for name in of}
+    commands = {name for panel in options.COMMANDS.values() for name in panel}
     assert {*ROWS} - {"hours"} | NEVER_COMPILED == commands
     assert not {*ROWS} & NEVER_COMPILED

@@ -2,7 +2,6 @@
 
 import pytest
 from dispersed import plan_of, uniform
-from flown_campaigns import flown_here
 
 import flighttune as ft
 from flighttune.campaigns.flying import rows
