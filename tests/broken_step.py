@@ -166,7 +166,7 @@ def _status(arguments: list[str]) -> int:
 def _run(name: str) -> dict:
     from flown_campaigns import flown_here
 
-    from flighttune.base.errors import DifferenceError
+    import flighttune as ft
 
     before, said = _files(), io.StringIO()
     with nullcontext() if name in OF_WORKERS else flown_here(), redirect_stderr(said):
@@ -175,7 +175,7 @@ def _run(name: str) -> dict:
         else:
             try:
                 status = _hours() or 0
-            except DifferenceError as error:
+            except ft.FlightTuneError as error:
                 status = said.write(str(error)) and 2
     left = sorted(_files() - before)
     return {"name": name, "status": status, "said": said.getvalue(), "left": left}
