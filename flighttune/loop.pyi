@@ -1,5 +1,6 @@
 """The names of `flighttune.loop` and their modules."""
 
+from flighttune.base.errors import DifferenceError as DifferenceError
 from flighttune.base.errors import PlantError as PlantError
 from flighttune.control.controller import Controller as Controller
 from flighttune.control.controller import FlightCondition as FlightCondition

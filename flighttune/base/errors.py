@@ -10,6 +10,7 @@ FlightTuneError
 ├── PlantError (RuntimeError)    the simulated aircraft failed
 │   └── TrimError                ... to reach the steady flight asked for
 ├── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
+├── DifferenceError (RuntimeError) compiled code flew otherwise than JSBSim: no number is right
 └── StoppedError                 the observer of a count or search stopped its flights
 """
 
@@ -116,6 +117,13 @@ class CampaignError(FlightTuneError, RuntimeError):
     """A campaign was cut short because its cluster failed; finished runs are kept."""
 
 
+class DifferenceError(FlightTuneError, RuntimeError):
+    """A compiled flight is not that of JSBSim, so that no compiled flight of its command is right.
+
+    It is never an outcome of a flight: it ends the command, also from the processes of its workers.
+    """
+
+
 class StoppedError(FlightTuneError):
     """The observer of a count or search stopped it before its answer.
 
@@ -135,10 +143,15 @@ class StoppedError(FlightTuneError):
 def keeping(*files: Path | None) -> Iterator[None]:
     """Name the files that keep flights, as far as they exist, to a StoppedError of the block.
 
-    The innermost block is that of the stage that was stopped.
+    The innermost block is that of the stage that was stopped. A DifferenceError removes the files,
+    as their compiled flights must not go on to a result.
     """
     try:
         yield
+    except DifferenceError:
+        for file in filter(None, files):
+            file.unlink(missing_ok=True)
+        raise
     except StoppedError as stopped:
         there = [str(file) for file in files if file is not None and file.exists()]
         stopped.lost |= not (there or stopped.kept)
@@ -154,6 +167,10 @@ def naming(place: object, kind: type[InputError] = InputError) -> Iterator[None]
     except InputError as error:
         message = str(error).removeprefix(f"{place}: ")  # it may be there already
         raise kind(f"{place}: {message}") from error
+
+
+# Errors of one flight: it is then a row, a draw or a part that was not flown, with this reason.
+OF_A_FLIGHT = (InputError, InfeasibleError, PlantError)
 
 
 def ending_of(code: int) -> str:

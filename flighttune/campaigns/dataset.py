@@ -196,6 +196,17 @@ class Dataset:
         with allowed(path, "removable", OutputError):
             path.unlink(missing_ok=True)
 
+    def remove_compiled(self) -> int:
+        """Remove the rows and recordings of compiled flights; returns how many runs these are."""
+        removed = 0
+        for part in self.parts:
+            if compiled_of(self.read_part(part, ["run"])).flights:
+                self.remove(part.path)
+                for run in {*part.runs} & {*self.kept}:
+                    self.remove(_signals_of(run))
+                removed += len(part.runs)
+        return removed
+
     def clean(self) -> None:
         """Remove the unfinished files of a campaign that was killed."""
         shutil.rmtree(self.folder / WRITING, ignore_errors=True)

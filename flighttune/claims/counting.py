@@ -12,12 +12,10 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.endings import why_ended
-from flighttune.base.errors import InputError, PlantError, keeping
-from flighttune.base.files import code
+from flighttune.base.errors import InputError, keeping
 from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.knowing import knowing
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
@@ -172,7 +170,7 @@ def counted_on(
             counted = unfinished.begun(counted, pool.observer)
         with keeping(unfinished and unfinished.file):
             counted = _counted(counted, pool, partial(_flown, pool, plan, kept), judged, unfinished)
-        _check_deciding(judged(counted) if judged else counted, pool)
+            _check_deciding(judged(counted) if judged else counted, pool)
     return replace(counted, compiled=pool.progress.compiled)
 
 
@@ -236,21 +234,12 @@ def deciding(counted: Counted) -> list[int]:
 
 
 def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
-    """Repeat in JSBSim what decides a count, if compiled flights are in it.
+    """Repeat in JSBSim what decides a count, where it is compiled.
 
-    PlantError names the first difference.
+    DifferenceError names the first signal that differs.
     """
-    compiled = pool.progress.compiled
-    if not (compiled.flights and len(counted.scores)):
-        return
-    draws = deciding(counted)
-    with code.in_jsbsim():
-        if differ := differing(counted, draws, pool):
-            raise PlantError(
-                f"the compiled flight of draw {differ[0]} must be that of JSBSim, and differs; "
-                "with --jsbsim JSBSim flies."
-            )
-    pool.progress.compiled = compiled + CompiledFlights(flown_again=len(draws))
+    if len(counted.scores):
+        pool.check_compiled(counted_flights.plan_of(counted), deciding(counted))
 
 
 def _check_flights(plan: Plan, place: str, *, windy: bool) -> None:

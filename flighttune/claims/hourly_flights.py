@@ -127,8 +127,15 @@ class TermFlights:
     plan: Plan
     leaving: Leaving
 
-    def flown(self, pool: WorkerPool, runs: Sequence[int], doing: str) -> list[Left]:
-        """What some runs did, each flown until it is ended and then as it ends."""
+    def flown(
+        self, pool: WorkerPool, runs: Sequence[int], doing: str, *, again: bool = False
+    ) -> list[Left]:
+        """What some runs did, each flown until it is ended and then as it ends.
+
+        `again`: JSBSim repeats each compiled flight.
+        """
+        if not runs:
+            return []
         plan = self.plan.with_runs(max(runs) + 1)
         if self._known_before:
             after = self.leaving.after_s
@@ -136,14 +143,15 @@ class TermFlights:
             from_s = OF_RECEIVER if OF_RECEIVER in plan.keys else OF_AIRFRAME
             values = [plan.values_of(run) for run in range(plan.runs)]
             values = [{**x, ENDED_S: x[from_s] + after} for x in values]
-            return [*self._flown(pool, plan, runs, doing, values).values()]
-        flown = self._flown(pool, plan, runs, doing)
-        if again := self._to_end(flown):
+            return [*self._flown(pool, plan, runs, doing, values, again=again).values()]
+        flown = self._flown(pool, plan, runs, doing, again=again)
+        if to_end := self._to_end(flown):
             values = [plan.values_of(run) for run in range(plan.runs)]
-            pool.progress.budget += len(again) * bool(pool.progress.budget)
-            for run in again:
+            pool.progress.budget += len(to_end) * bool(pool.progress.budget)
+            for run in to_end:
                 values[run] |= self._ending(flown[run])
-            flown |= self._flown(pool, plan, again, f"{doing}: their ends", values)
+            ends = f"{doing}: their ends"
+            flown |= self._flown(pool, plan, to_end, ends, values, again=again)
         return [*flown.values()]
 
     @property
@@ -178,13 +186,17 @@ class TermFlights:
         runs: Sequence[int],
         doing: str,
         draws: list[dict[str, Any]] | None = None,
+        *,
+        again: bool,
     ) -> dict[int, Left]:
         """What runs did, in their order; a flight without samples left at its start."""
         flown: dict[int, Left] = {}
         # On a busy machine a flight may run out of time: it is flown once more.
         for _ in range(ATTEMPTS):
             missing = [run for run in runs if run not in flown]
-            rows = pool.rows(plan, missing, doing=doing, probes={"left": self.leaving}, draws=draws)
+            rows = pool.rows(
+                plan, missing, doing=doing, probes={"left": self.leaving}, draws=draws, again=again
+            )
             # Only these numbers of a row are kept: a count may have 10^6 flights.
             flown |= {row["run"]: Left(*row["left"]) for row in rows if "left" in row}
         return {run: flown.get(run, AT_ITS_START) for run in runs}

@@ -38,6 +38,9 @@ SHORTER, SHORTER_BY_ALARMS = 0.01, 0.05
 # Share of the confidence's complement, and epsilon, of flights that a check repeats.
 AGAIN = 0.05
 
+# Flights of each term that left the volume and that JSBSim flies again while they are counted.
+EXITS_AGAIN = 10
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerHour(Answering):
@@ -240,6 +243,7 @@ def count_per_hour(
     ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
     with WorkerPool(fliers) as pool, keeping(unfinished):
         flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
+        kept = flying.kept.flights  # perhaps compiled
         stated = [(None, None), *((i, fault.ended_s) for i, fault in enumerate(rates.fault))]
         pool.progress.budget = sum(flying.missing(*term) for term in stated)
         healthy = flying.term(None, None, 0.0)
@@ -255,6 +259,8 @@ def count_per_hour(
             terms=(healthy, *faults),
         )
         counted = replace(counted, later=tuple(flying.later(counted)))
+        if kept or pool.progress.compiled.flights:
+            flying.check_compiled(counted)
         flying.kept.remove()
         return counted
 
@@ -282,6 +288,17 @@ class _Flying:
             term = term.with_flights(flights.flown(self.pool, range(begin, end), doing))
             self.kept.keep(term)
         return term
+
+    def check_compiled(self, counted: PerHour) -> None:
+        """Repeat in JSBSim the first flights of each term that left the volume.
+
+        DifferenceError names the first signal that differs.
+        """
+        for term in (*counted.terms, *counted.later):
+            runs = [run for run, left in enumerate(term.left_s) if left >= 0.0][:EXITS_AGAIN]
+            flights = self.ends.term(term.fault, term.ended_s, counted.exposure.window_s)
+            with self.pool.checking():
+                flights.flown(self.pool, runs, "repeating exits", again=True)
 
     def later(self, counted: PerHour) -> Iterator[FlownTerm]:
         """Flights with the fault of the largest term, ended later while the target holds."""

@@ -8,13 +8,15 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
+from itertools import count
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from flighttune.base.errors import InputError, PlantError, TrimError
+from flighttune.base.errors import OF_A_FLIGHT, DifferenceError, InputError, TrimError
 from flighttune.base.files import code
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.controller import MAX_LAG_S, Controller, LawError
@@ -24,11 +26,12 @@ from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.theory.indicators import indicators
 from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
-from flighttune.flight.entry import Entry, entries
-from flighttune.flight.flown import FlownScenario
+from flighttune.flight.entry import Entry, entries, entry_of
+from flighttune.flight.flown import FlownScenario, Measured, bound_checks, missed
 from flighttune.flight.loop.aircraft import CompiledAircraft, inside
 from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
 from flighttune.flight.loop.run import Provenance, Run, RunStatus
+from flighttune.flight.metrics import measures
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.flight.scenario.load import as_arguments, from_level
 from flighttune.flight.scenario.schema import Scenario
@@ -38,6 +41,8 @@ from flighttune.vehicles.plants.base import (
     AirPathPlant,
     GuardedPlant,
     Plant,
+    Stop,
+    WrappedPlant,
     follows_at_once,
 )
 from flighttune.vehicles.plants.point_mass import PointMassPlant, PoweredPointMass
@@ -47,6 +52,14 @@ VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
 # Maximum time to load an aircraft and find its steady flight, s.
 START_S = 20.0
+
+# JSBSim also flies every n-th compiled flight, and every flight that is beyond a bound or within
+# this share of it. The number n is prime, so that the repeated flights cycle through the groups of
+# a plan. Of a single flight it flies the first seconds, unless the flight decides.
+EVERY, NEAR, FIRST_S = 101, 0.1, 20.0
+
+# Numbers of the compiled flights of this process that belong to no plan.
+_NUMBERS = count()
 
 
 @code.flies
@@ -91,6 +104,8 @@ def fly(
         the scenario lie outside it, or a file of a law or plant cannot be loaded.
     PlantError
         If an aircraft cannot be built.
+    DifferenceError
+        If a compiled flight is not that of JSBSim.
 
     Examples
     --------
@@ -98,6 +113,24 @@ def fly(
     >>> flown.metrics.loc["kinematic / paper", "MO_rad"].round(3).tolist()
     [0.775, 0.362]
     """
+    flown = fly_unchecked(
+        scenario, gains, changes=changes, laws=laws, plants=plants, progress=progress
+    )
+    check_flown(flown)
+    return flown
+
+
+@code.flies
+def fly_unchecked(
+    scenario: Scenario | str | Path,
+    gains: str | Sequence[str] = (),
+    *,
+    changes: Mapping[str, Any] | None = None,
+    laws: Mapping[str, LawMaker] | None = None,
+    plants: Mapping[str, PlantMaker] | None = None,
+    progress: Progress | None = None,
+) -> FlownScenario:
+    """The flights of `fly`, for a caller that lets JSBSim repeat them later, by `check_flown`."""
     arguments = "SCENARIO" if isinstance(scenario, Scenario) else as_arguments(scenario, changes)
     wanted = [gains] if isinstance(gains, str) else gains
     scenario = with_own(load.as_scenario(scenario, changes, wanted), laws, plants)
@@ -163,11 +196,16 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
 
 
 def plant_of(
-    table: PlantTable, scenario: Scenario, wind: WindRecord | None = None, *, compiled: bool = False
+    table: PlantTable,
+    scenario: Scenario,
+    wind: WindRecord | None = None,
+    *,
+    compiled: bool = False,
+    until_s: float | None = None,
 ) -> Plant:
     """A new plant of a scenario, ready to start; a plant without weather flies in `wind`.
 
-    `compiled`: an aircraft may be flown by its compiled step.
+    `compiled`: an aircraft may be flown by its compiled step. `until_s`: JSBSim ends its flight.
     """
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
@@ -202,7 +240,28 @@ def plant_of(
     )
     if compiled:
         return steered(CompiledAircraft(aircraft), scenario)
+    if until_s is not None:
+        return steered(EndedPlant(aircraft, until_s), scenario)
     return steered(aircraft, scenario)
+
+
+class EndedPlant(WrappedPlant):
+    """A plant whose flight ends at a time, s."""
+
+    def __init__(self, plant: Plant, until_s: float) -> None:
+        super().__init__(plant, ())
+        self._left_s = until_s
+
+    def observe(self) -> tuple[float, ...]:
+        """The signals of the plant."""
+        return self._observe()
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
+        """Fly `duration` seconds with the command held, as the plant does until its end."""
+        self._left_s -= duration
+        if self._left_s < 0.0:
+            return Stop("left_envelope", "its time is over")
+        return self.plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
 
 
 def steered(plant: Plant, scenario: Scenario) -> Plant:
@@ -217,10 +276,11 @@ def fly_alone(
     wind_run: Run | None = None,
     progress: Progress | None = None,
     compiled: bool = True,
+    until_s: float | None = None,
 ) -> Run:
     """Fly an entry, in the steady wind unless the flight with its wind is given.
 
-    `compiled`: an aircraft may be flown by its compiled step.
+    `compiled`: an aircraft may be flown by its compiled step. `until_s`: JSBSim ends its flight.
     """
     entry = entry.bound()
     scenario = entry.scenario
@@ -237,12 +297,14 @@ def fly_alone(
         made_by = replace(provenance(entry), gains=entry.gains)
         return _without_samples(made_by, wind_run.status, reason)
     compiled = compiled and not code.jsbsim_flies()
-    plant = plant_of(entry.plant, scenario, wind, compiled=compiled)
+    plant = plant_of(entry.plant, scenario, wind, compiled=compiled, until_s=until_s)
     run = fly_once(entry, plant, lead=entry.lead, progress=progress)
     turns = scenario.turn_back
     if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:
         level = replace(entry, scenario=from_level(scenario))
-        return fly_alone(level, wind_run=wind_run, progress=progress, compiled=compiled)
+        return fly_alone(
+            level, wind_run=wind_run, progress=progress, compiled=compiled, until_s=until_s
+        )
     return run
 
 
@@ -317,22 +379,71 @@ def controller_on(entry: Entry, plant: Plant) -> Controller:
     return entry.law.controller(setup)
 
 
-def check_compiled(entry: Entry, run: Run) -> None:
-    """Repeat an entry in JSBSim; PlantError names the first difference from the compiled run."""
-    again = fly_alone(entry, compiled=False)
-    first = "the samples"
-    if run.signals.shape == again.signals.shape:
-        same = run.signals.to_numpy() == again.signals.to_numpy()
-        same |= run.signals.isna().to_numpy() & again.signals.isna().to_numpy()
-        wrong = run.signals.columns[~same.all(axis=0)]
-        first = f"`{wrong[0]}`" if len(wrong) else ""
-    if not first and (run.status, run.reason) != (again.status, again.reason):
-        first = "the end"
-    if first:
-        raise PlantError(
-            f"{run.label}: the compiled flight must be that of JSBSim, {first} differs; with "
-            "--jsbsim JSBSim flies."
-        )
+def decides(entry: Entry, measured: Measured, *, success: bool) -> bool:
+    """Whether a flight misses a requirement or is close to its bound."""
+    tables = entry.scenario.expected(entry.plant.label, entry.name)
+    margins = (check.margin for check in bound_checks(tables, measured) if check.subject != "loop")
+    return not (success and all(margin < -NEAR for margin in margins))
+
+
+def check_flown(flown: FlownScenario) -> None:
+    """Repeat in JSBSim what decides among the flights of a scenario, and one flight in `EVERY`."""
+    scenario, runs = flown.scenario, {run.label: run for run in flown.runs}
+    if not any(run.compiled for run in flown.runs):
+        return
+    deciding: set[str] = set()
+    of_runs: dict[str, Entry] = {}
+    for label, run in runs.items():
+        made_by = run.provenance
+        entry = entry_of(scenario, made_by.gains_name, made_by.gains, made_by.plant)
+        source = entry.wind_from or entry
+        of_runs[label] = entry
+        tables, measured = scenario.expected(made_by.plant, entry.name), measures(run)
+        misses = missed(tables, run.status, run.reason, measured, calm=scenario.calm)
+        if decides(entry, measured, success=not misses):
+            deciding.add(source.label)
+    for label, run in runs.items():
+        if not run.compiled:
+            continue
+        if label in deciding:
+            check_compiled(of_runs[label], run)
+        elif next(_NUMBERS) % EVERY == 0:
+            check_compiled(of_runs[label], run, until_s=FIRST_S)
+
+
+def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None, of: str = "") -> Run:
+    """The flight of a compiled run by JSBSim, also up to a time (s); DifferenceError if it differs.
+
+    The error names the flight, after the words `of` what it is, and the first signal that differs.
+    """
+    try:
+        again = fly_alone(entry, compiled=False, until_s=until_s)
+    except OF_A_FLIGHT as error:
+        raise difference(of + run.label, f"JSBSim does not fly it: {error}") from error
+    compiled = run.signals if until_s is None else run.signals.iloc[: len(again.signals)]
+    what = ""
+    if compiled.shape != again.signals.shape:
+        what = f"it has {len(compiled)} samples for {len(again.signals)}"
+    else:
+        same = compiled.to_numpy() == again.signals.to_numpy()
+        same |= compiled.isna().to_numpy() & again.signals.isna().to_numpy()
+        if not same.all():
+            first = int(np.argmin(same.all(axis=1)))
+            name = compiled.columns[int(np.argmin(same[first]))]
+            what = f"`{name}` differs first, at t = {compiled.index[first]:.3f} s"
+        elif until_s is None and (run.status, run.reason) != (again.status, again.reason):
+            what = f"it ends as {run.status}, not as {again.status}"
+    if what:
+        raise difference(of + run.label, what)
+    return again
+
+
+def difference(subject: str, what: str) -> DifferenceError:
+    """The error about a compiled flight, or about several, that JSBSim flies otherwise."""
+    return DifferenceError(
+        f"{subject}: the compiled flight must be that of JSBSim, got another: {what}. Nothing of "
+        "this command is kept; with --jsbsim JSBSim flies, and its numbers are right."
+    )
 
 
 def manoeuvre(entry: Entry, plant: Plant, label: str) -> dict[str, Any]:

@@ -12,13 +12,20 @@ import pandas as pd
 
 from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
-from flighttune.base.errors import InputError, PlantError
+from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.flight import metrics
 from flighttune.flight.entry import Entry, entry_of
-from flighttune.flight.fly import aircraft_table, controller_on, fly_alone, manoeuvre, plant_of
+from flighttune.flight.fly import (
+    aircraft_table,
+    controller_on,
+    difference,
+    fly_alone,
+    manoeuvre,
+    plant_of,
+)
 from flighttune.flight.load import chosen_entry
 from flighttune.flight.loop.aircraft import CEILING, CompiledAircraft, inside
 from flighttune.flight.loop.batch import ARRIVED
@@ -321,7 +328,7 @@ def _sampled(entry: Entry) -> Sampled:
 def _check_same(run: Run, flight: SlopedFlight) -> None:
     """Refuse slopes of a flight that does not equal JSBSim's to the bit."""
     if not run.signals.equals(flight.table(flight.rows.copy())):
-        raise PlantError(f"{run.label}: the flight with slopes must equal JSBSim's, but differs.")
+        raise difference(run.label, "its signals differ from those of the flight with slopes")
 
 
 def _measured(entry: Entry, table: pd.DataFrame) -> dict[str, float]:

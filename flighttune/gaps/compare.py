@@ -14,6 +14,7 @@ import pandas as pd
 from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError, RecordingError, naming
+from flighttune.base.files import code
 from flighttune.base.files.load import READERS, load_one, written
 from flighttune.base.words import listed
 from flighttune.flight import flown, load
@@ -146,7 +147,8 @@ def load_source(
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
         scenario = load.load_scenario(place, changes=changes, gains=[choice] if choice else ())
-        with naming(f"{place}@{choice}"):
+        # Each of these flights decides what is said, so that none is compiled.
+        with naming(f"{place}@{choice}"), code.in_jsbsim():
             return Source(name=name, runs=fly(scenario).runs, chosen=bool(choice))
     if changes:
         raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")

@@ -303,7 +303,7 @@ def gap(
     chosen = load.chosen_entry(scenario, gains, changes)
     scenario, table = chosen.scenario, flight.aircraft_table(chosen.scenario, plant)
     entry = entry_of(scenario, name or chosen.name, chosen.gains, table.label)
-    top = flight.fly_alone(entry, progress=progress)
+    top = flight.fly_alone(entry, progress=progress, compiled=False)
     if len(top.signals) >= LEAST_SAMPLES:
         return explain_flight(scenario, top, lag=lag, progress=progress)
     return Gap(scenario=scenario, runs=(top,), indicators=_indicators(entry))

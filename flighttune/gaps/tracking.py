@@ -120,7 +120,7 @@ def _leg(aircraft: str, V_a: float, h: float, grade: str, seed: int) -> Scenario
 
 def _sizes(leg: Scenario) -> FloatArray:
     """Quantiles of the errors of track on a leg, as seen and true, shape (errors, 2)."""
-    run = fly_alone(chosen_entry(leg, None))
+    run = fly_alone(chosen_entry(leg, None), compiled=False)
     if run.status != "completed":
         raise InputError(f"{leg.title}: {run.outcome}")
     signals = run.signals[run.t >= SETTLED_S]

@@ -12,13 +12,14 @@ import pandas as pd
 
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, keeping
 from flighttune.base.files import code
 from flighttune.base.units import DEG_PER_RAD, RadiansPerSecond
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.flying.rows import Row
 from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
@@ -50,6 +51,9 @@ from flighttune.studies.log_aircraft import aircraft_of
 
 # Epsilon and confidence of the bounds on errors.
 EPSILON, CONFIDENCE = 0.05, 0.95
+
+# Number of flights with the largest of each error that JSBSim repeats: the bounds follow from them.
+LARGEST_AGAIN = 3
 
 # Cuts of the loops.
 CUT = "roll", "lift"
@@ -325,6 +329,8 @@ def compare(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice, and has 
     with WorkerPool(fliers) as pool:
         of_flights = KeptRows(None if kept is None else Path(kept), plan.as_dict(), pool)
         rows = of_flights.flown(plan, {KEPT: kept_signals})
+        with keeping(of_flights.file):
+            pool.check_compiled(plan, deciding(rows))
         of_flights.remove()
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
@@ -380,6 +386,16 @@ def airspeed_words(plan: Plan, now: Flown) -> tuple[str, bool]:
     if of_aircraft := without_room(plan.scenario, own):
         way = f"the range of this aircraft, {of_aircraft}, has no room for gusts there"
     return f"{said}{V:g} m/s; your file has {name} {own:g} m/s: {way}.", abs(V / own - 1.0) > FAR
+
+
+def deciding(rows: Sequence[Row]) -> set[int]:
+    """Runs that decide bounds on errors: those not completed, and the largest of each error."""
+    frame = pd.DataFrame(rows).set_index("run")
+    runs = {*frame.index[frame["status"] != "completed"]}
+    for _, own in frame.groupby("gains"):
+        for measure in MEASURED:
+            runs |= {*own[measure].astype(float).nlargest(LARGEST_AGAIN).index}
+    return {int(run) for run in runs}
 
 
 def lags_alone(plan: Plan) -> list[str]:

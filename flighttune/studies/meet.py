@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from flighttune.base.arrays import FloatArray, check_at_least
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, keeping
 from flighttune.base.files import code
 from flighttune.base.units import DEG, RadiansPerSecond
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
@@ -281,6 +281,17 @@ class Search:
         self.flights += len(runs)
         rows = self.kept.flown(plan, {}, runs, draws=drawn, doing="searching")
         return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
+
+    def check_compiled(self, gains: PIGains) -> None:
+        """Repeat the flights of gains in JSBSim where they are compiled, on the first draw.
+
+        DifferenceError names the first that differs. Flights that miss a requirement, or nearly,
+        were repeated when they were flown.
+        """
+        for place in range(len(self.campaigns)):
+            plan = self._plan(place, [gains])
+            drawn = [{SEED: plan.scenario.seed}]
+            self.kept.pool.check_compiled(plan, range(len(plan.groups)), draws=drawn)
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """Check the rows of each campaign; rows of gains that were not flown have no status."""
@@ -670,7 +681,8 @@ def meet(  # type: ignore[misc]  # noqa: PLR0913 - each is a choice of the user,
         search = problem.search(rows, metric)
         if not (starts := starts or starting_gains(first, search.law)):
             raise InputError("`start` must be given: no gains could be tuned to start from.")
-        meeting = _meet(problem, starts, notes, search, budget)
+        with keeping(rows.file):
+            meeting = _meet(problem, starts, notes, search, budget)
         rows.remove()
         return meeting
 
@@ -695,6 +707,8 @@ def _meet(
     if problem.dispersed is None or trials[met].worst.max() > -WANTED:
         search.search([*starts.values()], budget - counting)
     best, progress = search.best(), search.kept.pool.progress
+    if problem.dispersed is None and best.met:
+        search.check_compiled(best.gains)
     count = _counted(problem, best, trials[first], search)
     assumed = [*dict.fromkeys(x for scenario in scenarios for x in scenario.assumptions)]
     on_draws = problem.dispersed is not None

@@ -269,6 +269,7 @@ def worst(
     with WorkerPool(fliers) as pool:
         searched = StatedSet(plan.of_group(group), pool, completed=completed, **searched_in)
         flight = searched.find_worst(budget=budget, seed=seed)
+        searched.check_compiled()
         of_pool = pool.progress
         flight = replace(flight, endings=of_pool.endings, compiled=of_pool.compiled)
     if tube is None or bounds is None:
@@ -277,7 +278,8 @@ def worst(
         channel: 1.0 / share if share else math.inf  # no flight was completed
         for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
     }
-    (run,) = fly(flight.scenario).runs
+    with code.in_jsbsim():
+        (run,) = fly(flight.scenario).runs
     # The tube of an aircraft covers only flights with residual rates inside its boxes, which are
     # counted.
     proven = tube.problem.boxes is None and not tube.why_not(run)
@@ -397,6 +399,12 @@ class StatedSet:
             **{key: row[key] for key in ("status", "missed", "plant", "gains")},
             drawn=drawn,
         )
+
+    def check_compiled(self) -> None:
+        """Repeat the worst flight in JSBSim; DifferenceError if it differs."""
+        plan, drawn = self._made_by
+        if "run" in self.worst:
+            self.pool.check_compiled(plan, [self.worst["run"]], draws=[drawn] * plan.runs)
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
         """Fly draws and return the metric of each; an `Objective`."""

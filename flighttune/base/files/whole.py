@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from typing import IO
 
-from flighttune.base.errors import FORKS, OutputError, RecordingError, StoppedError
+from flighttune.base.errors import FORKS, DifferenceError, OutputError, RecordingError, StoppedError
 
 MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
 
@@ -165,7 +165,7 @@ def together(folder: str | Path | None = None) -> Iterator[None]:
     try:
         try:
             yield
-        except StoppedError:
+        except (StoppedError, DifferenceError):
             raise
         except Exception:
             answer.put_kept_in_place()
@@ -187,7 +187,10 @@ def apart() -> Iterator[None]:
 
 
 def keep_on_error(path: Path) -> None:
-    """Write a file that took long to compute even if the block of `together` raises an error."""
+    """Write a file that took long to compute even if the block of `together` raises an error.
+
+    It is not written after a DifferenceError, which says that its numbers are wrong.
+    """
     if (answer := _ANSWER.get()) is not None:
         answer.kept.append(Path(os.path.abspath(path)))
 

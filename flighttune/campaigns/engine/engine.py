@@ -1,5 +1,6 @@
 """Fly a plan into a folder, here or on a cluster; forecast its flights, time and disk space."""
 
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ import pandas as pd
 
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import check_at_least
-from flighttune.base.errors import InputError, RecordingError, StoppedError
+from flighttune.base.errors import DifferenceError, InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
 from flighttune.base.processors import cores
@@ -160,6 +161,8 @@ def run_campaign(
         If `out` cannot be written, e.g. on a full disk. Files already written are complete.
     CampaignError
         If the cluster is gone. Files already written are complete.
+    DifferenceError
+        If a compiled flight is not that of JSBSim. All compiled flights are removed from `out`.
 
     Examples
     --------
@@ -181,13 +184,15 @@ def run_campaign(
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         _count(dataset, pool)
-        plan, sure = dataset.plan, {}
+        plan, sure, before = dataset.plan, {}, pool.progress.done
         interrupted = False
         try:
             sure = _fly(dataset, pool)
             dataset.keep_signals(pool.signals)
         except StoppedError:
             interrupted = True
+        except DifferenceError as error:
+            raise _without_compiled(dataset, before, error) from error
         dataset.clean()
     wall, progress = time.perf_counter() - began, pool.progress
     return CampaignOutcome(
@@ -207,6 +212,19 @@ def run_campaign(
         interrupted=interrupted,
         assumed=plan.scenario.assumptions,
         compiled=progress.compiled,
+    )
+
+
+def _without_compiled(dataset: Dataset, before: int, error: DifferenceError) -> DifferenceError:
+    """The error of a campaign of so many runs before, after its compiled flights are removed."""
+    dataset.clean()
+    removed = dataset.remove_compiled()
+    if not before:
+        shutil.rmtree(dataset.folder, ignore_errors=True)
+        return error
+    return DifferenceError(
+        f"{error} {removed} runs of {dataset.folder} are removed, those of its files with compiled "
+        "flights: --resume flies them again."
     )
 
 

@@ -20,7 +20,7 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from flighttune.base.errors import FORKS, PlantError, ending_of, need_fork
+from flighttune.base.errors import FORKS, DifferenceError, PlantError, ending_of, need_fork
 from flighttune.base.files.shipped import TRUST_AIRCRAFT
 from flighttune.base.files.whole import lock, reason_of, scratch_folder, scratch_place
 from flighttune.base.processors import cores
@@ -74,7 +74,10 @@ class Flyer:
                     raise PlantError(limit)
                 ready = True
                 for _ in runs:
-                    answers.append(self._receive(limit + GRACE_S))
+                    answer = self._receive(limit + GRACE_S)
+                    if isinstance(answer, DifferenceError):
+                        raise answer
+                    answers.append(answer)
                     if isinstance(answers[-1], str):
                         break  # the process does not fly the remaining runs
             except (EOFError, OSError):
@@ -171,12 +174,15 @@ def fly(work: bytes, draw: "Draw") -> list[Answer]:
     return OF_THREAD.flyer.fly(work, draw)
 
 
-def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False) -> bytes:
-    """A plan and probes, pickled for processes; with `signals` flights are recorded."""
+def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False, again: bool = False) -> bytes:
+    """A plan and probes, pickled for processes; with `signals` flights are recorded.
+
+    `again`: JSBSim repeats each compiled flight.
+    """
     from flighttune.base.files.code import grant
     from flighttune.flight.fly import library_versions
 
     # The versions are compared before the rest is read, because other versions may not be able to
     # read it. A replaced plan has no cached draws.
-    content = replace(plan), probes, signals, grant()
+    content = replace(plan), probes, signals, again, grant()
     return pickle.dumps((library_versions(), pickle.dumps(content)))

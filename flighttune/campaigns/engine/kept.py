@@ -30,7 +30,7 @@ class KeptRows:
         self._of = _hash({"of": decides, "versions": library_versions()})
         if file is not None:
             file = file.with_name(f"{file.stem}-{self._of[:DIGITS]}{file.suffix}")
-        self._file, self.pool = file, pool
+        self.file, self.pool = file, pool
         # Rows by plan and run.
         self._rows: dict[tuple[str, int], Row] = {}
         if file is None:
@@ -64,14 +64,14 @@ class KeptRows:
         places = [(of_plan, run) for run in (range(plan.runs) if runs is None else runs)]
         missing = [run for place, run in places if (place, run) not in self._rows]
         rows = self.pool.rows(plan, missing, doing=doing, probes=probes, draws=draws)
-        if self._file is None:
+        if self.file is None:
             self._rows |= {(of_plan, row["run"]): row for row in rows}
         else:
-            made_folder(self._file.parent)
+            made_folder(self.file.parent)
             with (
-                keeping(self._file),
-                allowed(self._file, "writable", OutputError),
-                self._file.open("a", encoding="utf-8") as file,
+                keeping(self.file),
+                allowed(self.file, "writable", OutputError),
+                self.file.open("a", encoding="utf-8") as file,
             ):
                 for row in rows:
                     place = of_plan, row["run"]
@@ -82,9 +82,9 @@ class KeptRows:
 
     def remove(self) -> None:
         """Remove the file, of a command whose flights are all flown."""
-        if self._file is not None:
-            with allowed(self._file, "writable", OutputError):
-                self._file.unlink(missing_ok=True)
+        if self.file is not None:
+            with allowed(self.file, "writable", OutputError):
+                self.file.unlink(missing_ok=True)
 
     def _line(self, place: tuple[str, int], row: Row) -> str:
         if COMPILED in row:

@@ -3,16 +3,18 @@
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
-from flighttune.base.errors import StoppedError
+from flighttune.base.errors import DifferenceError, StoppedError
 from flighttune.base.processors import cores
 from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, take_ready, work_of
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.flying import rows as flying
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.own import ask_to_fly
 
@@ -89,8 +91,12 @@ class WorkerPool:
         doing: str | None = None,
         probes: flying.Probes | None = None,
         draws: Sequence[flying.Drawn] | None = None,
+        again: bool = False,
     ) -> Iterator[flying.Row]:
-        """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped."""
+        """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped.
+
+        `again`: JSBSim repeats each compiled flight.
+        """
         runs, work, progress = list(runs), flying.Work(plan, probes or {}, draws), self.progress
         if not runs:
             return
@@ -116,7 +122,7 @@ class WorkerPool:
                     yield flying.Draw((), {})
                 yield from alone
 
-        content = work_of(plan, work.probes)
+        content = work_of(plan, work.probes, again=again)
         for draw, answers in self._answers(doing or "flying", content, alone_draws()):
             rows = [
                 x if isinstance(x, dict) else flying.lost_row(plan, run, draw.drawn, x)
@@ -133,6 +139,28 @@ class WorkerPool:
     def in_order(self, plan: Plan, runs: Iterable[int], **options: Any) -> list[flying.Row]:
         """All rows of `rows`, in order of `run`."""
         return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
+
+    def check_compiled(
+        self, plan: Plan, runs: Iterable[int], *, draws: Sequence[flying.Drawn] | None = None
+    ) -> None:
+        """Let JSBSim repeat runs that decide an answer, if this pool has flown compiled ones.
+
+        DifferenceError names the first signal that differs.
+        """
+        if not self.progress.compiled.flights:
+            return
+        with self.checking():
+            for _ in self.rows(plan, sorted(runs), doing="repeating", draws=draws, again=True):
+                pass
+
+    @contextmanager
+    def checking(self) -> Iterator[None]:
+        """Count the flights of the block only as flown again."""
+        progress = self.progress
+        before, endings = progress.compiled, [*progress.endings]
+        yield
+        again = progress.compiled.flown_again - before.flown_again
+        progress.compiled, progress.endings = before + CompiledFlights(flown_again=again), endings
 
     def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Fly runs of a plan again for their signals: each with the bytes of its recording."""
@@ -172,6 +200,8 @@ class WorkerPool:
             for future in wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done:
                 try:
                     answers = future.result()
+                except DifferenceError:
+                    raise
                 except Exception as error:
                     raise campaign_error(error, self._scheduler) from error
                 yield pending.pop(future), answers

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache
 from multiprocessing.connection import Connection
 
-from flighttune.base.errors import FlightTuneError, PlantError
+from flighttune.base.errors import DifferenceError, FlightTuneError, PlantError
 from flighttune.base.files.code import Grant, take
 from flighttune.campaigns.flying.rows import Draw, Row, fly_again, fly_draw, warm_up
 from flighttune.campaigns.planning.plan import Plan
@@ -51,7 +51,9 @@ def serve(pipe: Connection) -> None:
                     with _time_limit(limit):
                         answer = next(answers)
                     pipe.send(answer)
-            except Exception as error:  # any error is the outcome of the run
+            except DifferenceError as error:  # no outcome of a run: it ends the command
+                pipe.send(error)
+            except Exception as error:  # any other error is the outcome of the run
                 pipe.send(f"{type(error).__name__}: {error}")
     shutil.rmtree(os.environ["TMPDIR"], ignore_errors=True)
 
@@ -64,7 +66,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
         raise PlantError(
             "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
         )
-    plan, probes, signals, granted = pickle.loads(content)
+    plan, probes, signals, again, granted = pickle.loads(content)
     take(granted)
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
@@ -79,7 +81,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:
-            return fly_draw(plan, draw, probes)
+            return fly_draw(plan, draw, probes, again=again)
         return (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
 
     return plan, fly, granted

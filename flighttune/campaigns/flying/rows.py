@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from flighttune.base.errors import FlightTuneError, InputError, PlantError, ending_of
+from flighttune.base.errors import OF_A_FLIGHT, FlightTuneError, InputError, ending_of
+from flighttune.base.files import code
 from flighttune.base.processors import cores
 from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
@@ -29,8 +30,8 @@ from flighttune.control.theory.indicators import indicators_batch
 from flighttune.control.theory.reachable import largest_errors
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.entry import Entry
-from flighttune.flight.flown import FlownScenario, Measured, bound_checks, bounded_loop, missed
-from flighttune.flight.fly import Progress, check_compiled, fly, fly_alone
+from flighttune.flight.flown import FlownScenario, bounded_loop, missed
+from flighttune.flight.fly import EVERY, Progress, check_compiled, decides, fly, fly_alone
 from flighttune.flight.loop.batch import SIGNALS, fly_sampled
 from flighttune.flight.loop.disturbance import Sinusoid
 from flighttune.flight.loop.loop import COMPILED_FROM, compile_at_once
@@ -47,11 +48,6 @@ from flighttune.vehicles.plants.point_mass import rolled_over
 # Number of draws whose kinematic flights are flown together: their signals fit the processor's
 # cache, and the process does not block for long.
 BLOCK = 64
-
-# JSBSim also flies every n-th compiled flight, and every flight that is beyond a bound or within
-# this share of it. The number n is prime, so that the repeated flights cycle through the groups of
-# a plan.
-EVERY, NEAR = 101, 0.1
 
 # `BatchResult.ends` of a flight that ended at 90 deg of roll
 ROLLED = 1
@@ -79,8 +75,9 @@ class Draw(NamedTuple):
 
 
 def fly_group(plan: Plan, scenario: Scenario, group: Group) -> Run:
-    """One flight: a group of a plan in a scenario, and the group whose wind it replays."""
-    return fly_in_wind(plan.entry(group, scenario))
+    """One flight by JSBSim: a group of a plan in a scenario, after that whose wind it replays."""
+    with code.in_jsbsim():
+        return fly_in_wind(plan.entry(group, scenario))
 
 
 def fly_in_wind(entry: Entry, wind_runs: dict[str, Run] | None = None) -> Run:
@@ -132,8 +129,12 @@ def rows_flown(
     *,
     probes: Probes | None = None,
     draws: Sequence[Drawn] | None = None,
+    again: bool = False,
 ) -> Iterator[Row]:
-    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw."""
+    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw.
+
+    `again`: JSBSim repeats each compiled flight.
+    """
     # All columns but ``wall_s`` depend, to the bit, only on the plan and the run. Draws that
     # replace the design's draws may set keys that the campaign does not disperse.
     ask_to_fly(plan.scenario, plan.flown)
@@ -141,7 +142,7 @@ def rows_flown(
     for together, alone in work.blocks(runs):
         yield from fly_together(plan, together)
         for draw in alone:
-            yield from fly_draw(plan, draw, work.probes)
+            yield from fly_draw(plan, draw, work.probes, again=again)
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
@@ -183,7 +184,7 @@ class Work(NamedTuple):
     def batched(self) -> frozenset[Group]:
         """The groups whose flights the compiled kernel flies, judged by the first draw."""
         plan, scenario = self.plan, self.plan.scenario
-        with suppress(FlightTuneError):
+        with suppress(*OF_A_FLIGHT):
             scenario = plan.dispersed(self.draws[0], 0) if self.draws else scenario
         flown = plan.groups if not self.probes else ()
         tuned = [x for x in flown if plan.gain_sets[x.gains] is not None]
@@ -275,7 +276,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
         alone = [*draw.runs]  # runs that the kernel cannot fly, or that the scenario refuses
         drawn = draw.drawn
         assert drawn is not None  # runs of several draws are not flown together
-        with suppress(FlightTuneError):
+        with suppress(*OF_A_FLIGHT):
             scenario = plan.dispersed(drawn, plan.draw_of(draw.runs[0]))
             for run in draw.runs:
                 group = plan.group_of(run)
@@ -303,21 +304,21 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     return rows
 
 
-def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
+def fly_draw(plan: Plan, draw: Draw, probes: Probes, *, again: bool = False) -> Iterator[Row]:
     """Rows of the runs of one draw, each as soon as it is flown; of several draws in order."""
     (runs, drawn), began = draw, time.perf_counter()
     if drawn is None:
-        yield from sorted(rows_flown(plan, runs), key=lambda row: row["run"])
+        yield from sorted(rows_flown(plan, runs, again=again), key=lambda row: row["run"])
         return
     try:
         scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
-    except FlightTuneError as error:
+    except OF_A_FLIGHT as error:
         yield from (_row(plan, run, drawn, _invalid(error, began)) for run in runs)
         return
     wind_runs: dict[str, Run] = {}
     for run in runs:
         group = plan.group_of(run)
-        outcome = _fly_alone(plan, scenario, run, wind_runs, probes)
+        outcome = _fly_alone(plan, scenario, run, wind_runs, probes, again=again)
         yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
 
 
@@ -331,7 +332,7 @@ def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Ro
     elif isinstance(ending, int):
         reason = f"the flight ended the process that flew it: {ending_of(ending)}"
     indicators = UNKNOWN
-    with suppress(FlightTuneError):
+    with suppress(*OF_A_FLIGHT):
         scenario = plan.dispersed(drawn, plan.draw_of(run))
         (indicators,) = _indicators(plan, plan.group_of(run), [scenario])
     return _row(plan, run, drawn, _unflown(status, reason), indicators)
@@ -345,7 +346,7 @@ def warm_up(plan: Plan) -> None:
     listed = map(plan.entry, plan.groups)
     once = {(entry.plant.label, entry.law.name): entry for entry in listed}
     for entry in once.values():  # one of each plant and law
-        with suppress(FlightTuneError):
+        with suppress(*OF_A_FLIGHT):
             fly_alone(entry, progress=_end)
 
 
@@ -355,7 +356,13 @@ def _end(_label: str, _part: float) -> None:
 
 
 def _fly_alone(
-    plan: Plan, scenario: Scenario, number: int, wind_runs: dict[str, Run], probes: Probes
+    plan: Plan,
+    scenario: Scenario,
+    number: int,
+    wind_runs: dict[str, Run],
+    probes: Probes,
+    *,
+    again: bool = False,
 ) -> Row:
     """Outcome of one flight by its number; `wind_runs` as for `fly_in_wind`."""
     began, group = time.perf_counter(), plan.group_of(number)
@@ -366,14 +373,17 @@ def _fly_alone(
         wall_s = time.perf_counter() - began
         columns = _outcome(plan, scenario, group, wall_s, (run.status, run.reason, measured))
         # Requirements decide nothing in a count, which has probes.
-        again = run.compiled and (
-            number % EVERY == 0 or (not probes and _decides(entry, columns["success"], measured))
-        )
-        if again:
-            _check_compiled(entry, run, wind_runs)
+        again |= number % EVERY == 0
+        again |= not probes and decides(entry, measured, success=columns["success"])
         if entry.plant.aircraft is not None:
-            columns[COMPILED] = CompiledFlights.of(run, again=again)
-    except FlightTuneError as error:
+            columns[COMPILED] = CompiledFlights.of(run, again=again and run.compiled)
+        if again:
+            source = entry.wind_from or entry
+            flown = wind_runs.get(source.label, run)
+            if flown.compiled:
+                # Others of the draw need not repeat it: their wind is that of JSBSim.
+                wind_runs[source.label] = check_compiled(source, flown, of=f"run {number}, ")
+    except OF_A_FLIGHT as error:
         return _invalid(error, began)
     if run.status == "completed" or any(getattr(x, "any_end", False) for x in probes.values()):
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
@@ -382,23 +392,6 @@ def _fly_alone(
         stretch = planned_route(scenario).reference.path.stretch_at(along).words
         columns["reason"] += f" It was on the {stretch}, {along:.0f} m along."
     return columns
-
-
-def _check_compiled(entry: Entry, run: Run, wind_runs: dict[str, Run]) -> None:
-    """`check_compiled`; after a difference the others of the draw meet the wind of JSBSim."""
-    try:
-        check_compiled(entry, run)
-    except PlantError:
-        if entry.label in wind_runs:
-            wind_runs[entry.label] = fly_alone(entry, compiled=False)
-        raise
-
-
-def _decides(entry: Entry, success: bool, measured: Measured) -> bool:
-    """Whether a flight misses a requirement or is close to its bound."""
-    tables = entry.scenario.expected(entry.plant.label, entry.name)
-    margins = (check.margin for check in bound_checks(tables, measured) if check.subject != "loop")
-    return not (success and all(margin < -NEAR for margin in margins))
 
 
 def _outcome(

@@ -3,8 +3,8 @@
 import json
 import shlex
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import replace
 from functools import lru_cache
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, Field, FiniteFloat
 
-from flighttune.base.errors import FlightTuneError, InputError, StoppedError
+from flighttune.base.errors import DifferenceError, FlightTuneError, InputError, StoppedError
 from flighttune.base.files.whole import made_folder, together
 from flighttune.base.stop import stopped_by
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
@@ -23,13 +23,13 @@ from flighttune.campaigns.planning.source import Flights, airframes
 from flighttune.claims.band import Band
 from flighttune.control.gains import PIGains
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.fly import fly
+from flighttune.flight.fly import check_flown, fly, fly_unchecked
 from flighttune.flight.gains import tune
 from flighttune.flight.loop.loop import compile_at_once
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import save_scenario
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.outputs.live.picture import MAX_FLOWN, MAX_GHOSTS, pieces
+from flighttune.outputs.live.picture import MAX_FLOWN, MAX_GHOSTS, pieces, without_flights
 from flighttune.outputs.live.sliders import (
     Values,
     gain_sliders,
@@ -39,9 +39,9 @@ from flighttune.outputs.live.sliders import (
 )
 from flighttune.routes.fence import fence_tables, read_fence
 
-# Aircraft of the button *20 aircraft*, default budget of a search (flights), and longest wait for a
-# stopped search to end, s.
-AIRCRAFT, BUDGET, END_S = 20, 400, 10.0
+# Aircraft of the button *20 aircraft*, default budget of a search (flights), longest wait for a
+# stopped search to end, and time without a move after which JSBSim repeats what is shown, s.
+AIRCRAFT, BUDGET, END_S, REST_S = 20, 400, 10.0, 0.5
 
 # What a search says at its end, and gains for the sliders of its window.
 Found: TypeAlias = tuple[str, PIGains | None]
@@ -100,30 +100,69 @@ class Desk:
         self._clouds: dict[str, list[Run]] = {}
         self._corridors: dict[str, Band] = {}
         self._flying, self._searching = threading.Lock(), threading.Lock()
+        self.differs: DifferenceError | None = None  # then nothing on the page is right
+        self._shown: FlownScenario | None = None
+        self._moved, self._closed = threading.Event(), False
         compile_at_once()
         in_thread(self._fly_ahead)
+        in_thread(self._check_compiled)
 
     def _fly_ahead(self) -> None:
         """Draw the start before a browser asks for it: the first flight loads libraries."""
         with suppress(FlightTuneError):  # the page shows the error when it asks
             self.picture(Asked(values={}))
 
+    def _check_compiled(self) -> None:
+        """Repeat in JSBSim what is shown and decides, whenever the sliders rest."""
+        while not self.differs:
+            self._moved.wait()
+            while self._moved.is_set() and not self._closed:
+                self._moved.clear()
+                self._moved.wait(REST_S)
+            if self._closed:
+                return
+            if (shown := self._shown) is not None:
+                with self._ended_by_difference():
+                    check_flown(shown)
+
+    @contextmanager
+    def _ended_by_difference(self) -> Iterator[None]:
+        """Let a DifferenceError of the block end the page: it shows the error and nothing else."""
+        try:
+            yield
+        except DifferenceError as error:
+            self.stop()
+            self.differs, self._shown, self._clouds, self._corridors = error, None, {}, {}
+            self.search = Search("flights")
+            self.search.show(str(error), done=True, failed=True, differs=True)
+
+    def _go_on(self) -> None:
+        """Raise the DifferenceError that has ended the page."""
+        if self.differs is not None:
+            raise self.differs
+
     def picture(self, asked: Asked) -> dict[str, str]:
         """HTML of the page after a move; its script asks for the next one after the answer."""
         with self._flying:
+            if self.differs is not None:
+                said = str(self.differs)
+                return {"failed": said, "pieces": without_flights(said)}
             key = _key(asked.values)
             now = self._flown(key)
             if key in self._corridors:
                 now = now.within(self._corridors[key])
             ghosts = {name: self._flown(_key(values)) for name, values in asked.ghosts.items()}
             cloud = self._clouds.get(key, [])
+            self._shown = now
+            self._moved.set()
             return {"pieces": pieces(now, ghosts, cloud, self._recorded, self._fence)}
 
     def _fly(self, key: str) -> FlownScenario:
-        return fly(moved(self.scenario, self.sliders, json.loads(key)))
+        return fly_unchecked(moved(self.scenario, self.sliders, json.loads(key)))
 
     def begin(self, asked: Asked) -> None:
         """Begin a search for a window; an InputError if another search is running."""
+        self._go_on()
         work = getattr(self, f"_{asked.doing}")
         scenario = moved(self.scenario, self.sliders, asked.values)
         if not self._searching.acquire(blocking=False):
@@ -132,10 +171,10 @@ class Desk:
 
         def run() -> None:
             try:
-                with stopped_by(search.go_on):
+                with self._ended_by_difference(), stopped_by(search.go_on):
                     said, gains = work(scenario, asked.values, search)
-                values = {x.key: x.value for x in gain_sliders(gains)} if gains else {}
-                search.show(said, done=True, values=values)
+                    values = {x.key: x.value for x in gain_sliders(gains)} if gains else {}
+                    search.show(said, done=True, values=values)
             except StoppedError:
                 search.show("stopped; nothing has changed.", done=True)
             except FlightTuneError as error:
@@ -152,6 +191,8 @@ class Desk:
     def close(self) -> None:
         """Stop the running search, and wait until its processes have ended."""
         self.stop()
+        self._closed = True
+        self._moved.set()
         if self._searching.acquire(timeout=END_S):
             self._searching.release()
 
@@ -192,6 +233,7 @@ class Desk:
     def save(self, asked: Asked) -> dict[str, str]:
         """Write scenario and gains, or a recording, into a new folder inside the page's folder."""
         with self._flying:
+            self._go_on()
             flown, saved = self._flown(_key(asked.values)), made_folder(self._folder).iterdir()
             last = max((int(x.name) for x in saved if x.name.isdecimal()), default=0)
             folder = made_folder(self._folder / str(last + 1))

@@ -29,8 +29,9 @@
       while (wanted) {
         wanted = false;
         const { pieces, failed } = await ask("picture", { ghosts });
-        if (failed) { say(failed, true); continue; }
-        if (at("said").className) say("");
+        if (failed) say(failed, true);
+        else if (at("said").className) say("");
+        if (!pieces) continue;
         for (const { id, innerHTML } of new DOMParser().parseFromString(pieces, "text/html").body.children)
           if (at(id).innerHTML !== innerHTML) at(id).innerHTML = innerHTML;
         dispatchEvent(new Event("drawn"));
@@ -86,13 +87,14 @@
 
   let searching = false;
   new EventSource("events").onmessage = ({ data }) => {
-    const { doing, said, part, done, failed, window, values } = JSON.parse(data);
+    const { doing, said, part, done, failed, differs, window, values } = JSON.parse(data);
     searching = !done && window === mine;
     at("search").hidden = Boolean(done);
     for (const button of all("[data-doing]")) button.disabled = !done;
     document.querySelector("progress").value = part;
     say(`${doing}: ${said}`, failed);
     if (done && window === mine) set(values ?? {});
+    if (differs) redraw();
   };
   // A search ends with its window: the gains that it finds would have no sliders to move.
   addEventListener("pagehide", () => searching && ask("stop"));

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from html import escape
 from typing import Any
 
 from flighttune.base.errors import printable
@@ -72,6 +73,14 @@ def pieces(
         styles={},
     )
     return printable(page)
+
+
+def without_flights(error: str) -> str:
+    """The pieces of a page that shows an error in place of its verdict, and no flight."""
+    empty = "".join(
+        f'<p id="{x}"></p>' for x in ["about", "legend", "charts", "requirements", "numbers"]
+    )
+    return printable(f'<div id="verdict"><p class="verdict no">{escape(error)}</p></div>{empty}')
 
 
 def _flown(*drawn: tuple[Run, LineStyle]) -> Drawn:

@@ -38,6 +38,9 @@ MAX_BYTES, MAX_CONNECTIONS = 65_536, 64
 # that a window may take to reload before it counts as closed; time limits of the server's end, s.
 TELL_S, LOOK_S, CLOSED_S, END_S, JOIN_S = 0.2, 0.2, 3.0, 1, 10.0
 
+# Time in which the windows show the error that then ends the command, s.
+SHOWN_S = 2.0
+
 # The page itself adds to this policy its one script, and that it connects to this server alone.
 HEADERS = [
     ("Cache-Control", "no-store"),
@@ -92,9 +95,15 @@ class Opened(AbstractContextManager["Opened"]):
         self._thread = in_thread(lambda: self._server.run(sockets=[self._socket]))
 
     def wait(self, *, until_closed: bool = False) -> None:
-        """Wait for ever, or until the last window of the page is closed."""
+        """Wait for ever, or until the last window of the page is closed.
+
+        DifferenceError if a compiled flight of the page is not that of JSBSim; the page shows it.
+        """
         while not (until_closed and self._all_closed):
             time.sleep(LOOK_S)
+            if self._desk.differs is not None:
+                time.sleep(SHOWN_S)
+                raise self._desk.differs
 
     @property
     def _all_closed(self) -> bool:
