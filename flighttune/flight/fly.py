@@ -14,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from flighttune.base.arrays import same_bits
 from flighttune.base.errors import InputError, PlantError, TrimError
 from flighttune.base.files import code
 from flighttune.base.signals import SIGNAL_UNITS
@@ -322,8 +323,7 @@ def check_compiled(entry: Entry, run: Run) -> None:
     again = fly_alone(entry, compiled=False)
     first = "the samples"
     if run.signals.shape == again.signals.shape:
-        same = run.signals.to_numpy() == again.signals.to_numpy()
-        same |= run.signals.isna().to_numpy() & again.signals.isna().to_numpy()
+        same = same_bits(*(x.signals.to_numpy(dtype=float) for x in (run, again)))
         wrong = run.signals.columns[~same.all(axis=0)]
         first = f"`{wrong[0]}`" if len(wrong) else ""
     if not first and (run.status, run.reason) != (again.status, again.reason):
