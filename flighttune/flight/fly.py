@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from flighttune.base.arrays import same_bits
+from flighttune.base.c_library import c_library
 from flighttune.base.errors import InputError, PlantError, TrimError
 from flighttune.base.files import code
 from flighttune.base.signals import SIGNAL_UNITS
@@ -372,8 +373,8 @@ def provenance(entry: Entry, beside: str = "") -> Provenance:
 
 
 def library_versions() -> dict[str, str]:
-    """Version of every library that affects the numbers of a flight."""
-    return {"python": platform.python_version(), **_installed()}
+    """Version of every library that affects the numbers of a flight, the C library included."""
+    return {"python": platform.python_version(), "libc": c_library(), **_installed()}
 
 
 @cache

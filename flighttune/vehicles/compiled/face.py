@@ -12,6 +12,7 @@ from typing import Any
 
 from flighttune import vehicles
 from flighttune.base import units
+from flighttune.base.c_library import c_library
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
 from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
@@ -244,7 +245,8 @@ def _key(source: Source, air: Air, kind: str = "") -> str:
 def _digest(*texts: str | bytes) -> str:
     """Digest of texts, of JSBSim, the machine and our code."""
     digest = sha256()
-    machine_and_code = platform.platform(), *machine.processor(), _own_digest()
+    here = platform.platform(), c_library(), *machine.processor()
+    machine_and_code = *here, _own_digest()
     for text in (*texts, jsbsim_version(), version("llvmlite"), *machine_and_code):
         data = text.encode() if isinstance(text, str) else text
         digest.update(len(data).to_bytes(8, "little") + data)
