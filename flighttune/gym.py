@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flighttune.base.arrays import FloatArray
+from flighttune.base.arrays import FloatArray, got
 from flighttune.base.errors import InputError, ScenarioError, TrimError, need
 from flighttune.base.files import code
 from flighttune.base.files.table import validated
@@ -229,10 +229,11 @@ class FlightEnv(Env):
         episode = self._episode
         if episode.over:
             raise InputError("`reset` must be called before `step`: no flight is under way.")
+        given = self._numbers(action)
         if self._sizes is not None:
             low, high = episode.limits.lower, episode.limits.upper
-            action = low + (np.asarray(action, dtype=float) + 1.0) * (high - low) / 2.0
-        episode.agent.action = action
+            given = low + (given + 1.0) * (high - low) / 2.0
+        episode.agent.action = given
         _, _, t, _, _ = episode.sample
         episode.fly_on()
         failed = episode.over
@@ -249,6 +250,22 @@ class FlightEnv(Env):
         status, reason = episode.outcome
         info = {"status": status, "reason": reason} if episode.over else {}
         return self._observation(), reward, terminated, truncated, info
+
+    def _numbers(self, action: Sequence[float] | FloatArray) -> FloatArray:
+        """The action as m finite numbers; InputError if it is something else."""
+        m = len(self._episode.limits.lower)
+        try:
+            given = np.asarray(action)
+        except ValueError:  # rows of several lengths
+            given = np.asarray(None)
+        if given.dtype.kind not in "fiu":
+            raise InputError(f"`action` must be {m} numbers, got {got(action)}.")
+        if given.shape != (m,):
+            size = len(given) if given.ndim == 1 else f"an array of shape {given.shape}"
+            raise InputError(f"`action` must be {m} numbers, got {size}.")
+        if not np.isfinite(given).all():
+            raise InputError(f"`action` must be {m} finite numbers, got {given.tolist()}.")
+        return given.astype(float)
 
     def baseline(self, obs: FloatArray) -> FloatArray:
         """Action of the scenario's law at the latest observation, shape (m,).

@@ -54,4 +54,10 @@ def flown_by_both(aircraft, seconds, step=None, condition=None, **settings):
 
 def differing(flown):
     """Names of properties that are not equal to the bit in each step."""
-    return [name for name, rows in flown.items() if not np.array_equal(*rows, equal_nan=True)]
+    return [name for name, rows in flown.items() if not same_bits(*rows)]
+
+
+def same_bits(a, b):
+    """Whether arrays are equal to the bit, also in the sign of a zero; NaN is equal to NaN."""
+    signs = (np.signbit(np.nan_to_num(x)) for x in (a, b))
+    return np.array_equal(a, b, equal_nan=True) and np.array_equal(*signs)

@@ -344,8 +344,8 @@ class Counted(Answering):
             digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()
 
-    def save(self, path: str | Path) -> None:
-        """Write the count with its SHA-256 (.npz), whole or not at all."""
+    def save(self, path: str | Path, **beside: str) -> None:
+        """Write the count with its SHA-256 (.npz) and texts `beside` it, whole or not at all."""
         # First, because its `format` identifies the file.
         arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
         arrays |= {"extremes": self.extremes, "wind": self.wind}
@@ -357,7 +357,7 @@ class Counted(Answering):
         if self.endings:
             said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}
             arrays["endings"] = np.array(json.dumps(said))
-        write_sealed(path, arrays)
+        write_sealed(path, arrays | {name: np.array(text) for name, text in beside.items()})
 
     @property
     def own_arrays(self) -> dict[str, FloatArray]:

@@ -17,6 +17,7 @@ from flighttune.claims.counted_flights import check_one_path, flights_of, plan_i
 from flighttune.claims.ending import Ending
 from flighttune.claims.known import NUMBERS
 from flighttune.claims.shape import MAX_NUMBERS
+from flighttune.flight.records.refly import other_libraries
 
 ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT}
 ARRAYS |= {
@@ -24,6 +25,7 @@ ARRAYS |= {
     "by_rtk": array.FLOAT,
     "endings": array.TEXT,
     COMPILED: array.TEXT,
+    "versions": array.TEXT,  # of the libraries, in an unfinished count
 }
 
 
@@ -55,12 +57,20 @@ def _flights(about: About) -> BandFlights:
     return flights_of(plan, measured, first)
 
 
-def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
-    """Read a count, with its flights from its plan by `flights_of`."""
+def read_counted(
+    path: str | Path, flights_of: Callable[[About], BandFlights], *, unfinished: bool = False
+) -> Counted:
+    """Read a count, with its flights from its plan by `flights_of`.
+
+    One that is `unfinished` must be of the libraries and the machine here.
+    """
     load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     with naming(path):
         arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
+        then = json_object(str(arrays.pop("versions", "{}")), "`versions`")
+        if unfinished and (other := other_libraries(then)):
+            raise InputError(f"was flown with other libraries: {other}")
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
         compiled = arrays.pop(COMPILED, None)

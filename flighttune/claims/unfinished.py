@@ -1,5 +1,6 @@
 """Counts that take long, written while they are flown, so that a killed command can go on."""
 
+import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.claims.about import About
 from flighttune.claims.counted import BandFlights, Counted
 from flighttune.claims.counted_file import read_counted
+from flighttune.flight.fly import library_versions
 
 C = TypeVar("C", bound=Counted)
 
@@ -48,8 +50,7 @@ class Unfinished:
         """The count with the flights in the file, if they belong to it."""
 
         def flights_of(about: About) -> BandFlights:
-            # The learned shape is part of it, so that an aircraft or a library that flies otherwise
-            # is found as well.
+            # The learned shape is part of it, so that an aircraft that flies otherwise is found.
             if tables_of(about) != tables_of(count.about):
                 raise InputError("its flights belong to another count")
             return count.flights
@@ -57,7 +58,7 @@ class Unfinished:
         if not self.file.exists():
             return count
         try:
-            kept = read_counted(self.file, flights_of)
+            kept = read_counted(self.file, flights_of, unfinished=True)
         except InputError as error:
             observer.hear(f"{error}: it is counted from the beginning.")
             return count
@@ -68,7 +69,7 @@ class Unfinished:
     def write(self, count: Counted) -> None:
         """Write the flights counted so far, at once even if they are part of an answer."""
         with whole.apart():
-            count.save(self.file)
+            count.save(self.file, versions=json.dumps(library_versions()))
 
     def remove(self) -> None:
         """Remove the file of a count that is finished."""

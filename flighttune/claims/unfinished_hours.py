@@ -12,6 +12,7 @@ from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.claims.hourly_flights import Ends, FlownTerm
 from flighttune.claims.leaving import Alarms, Volume
 from flighttune.flight.fly import library_versions
+from flighttune.flight.records.refly import other_libraries
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +46,8 @@ class KeptTerms:
             return
         try:
             kept = read(file, UnfinishedHours)
+            if other := other_libraries(kept.versions):
+                raise InputError(f"{file}: was flown with other libraries: {other}")
             if tables_of(replace(kept, terms=())) != tables_of(self._claim):
                 raise InputError(f"{file}: its flights belong to another count.")
         except InputError as error:

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from flighttune.base.arrays import same_bits
+from flighttune.base.c_library import c_library
 from flighttune.base.errors import OF_A_FLIGHT, DifferenceError, InputError, TrimError
 from flighttune.base.files import code
 from flighttune.base.signals import SIGNAL_UNITS
@@ -425,8 +427,7 @@ def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None, of: 
     if compiled.shape != again.signals.shape:
         what = f"it has {len(compiled)} samples for {len(again.signals)}"
     else:
-        same = compiled.to_numpy() == again.signals.to_numpy()
-        same |= compiled.isna().to_numpy() & again.signals.isna().to_numpy()
+        same = same_bits(*(x.to_numpy(dtype=float) for x in (compiled, again.signals)))
         if not same.all():
             first = int(np.argmin(same.all(axis=1)))
             name = compiled.columns[int(np.argmin(same[first]))]
@@ -483,8 +484,8 @@ def provenance(entry: Entry, beside: str = "") -> Provenance:
 
 
 def library_versions() -> dict[str, str]:
-    """Version of every library that affects the numbers of a flight."""
-    return {"python": platform.python_version(), **_installed()}
+    """Version of every library that affects the numbers of a flight, the C library included."""
+    return {"python": platform.python_version(), "libc": c_library(), **_installed()}
 
 
 @cache

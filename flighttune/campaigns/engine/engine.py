@@ -33,7 +33,7 @@ from flighttune.campaigns.planning.source import load_campaign
 from flighttune.campaigns.statistics.count import looks
 from flighttune.campaigns.statistics.findings import SUCCESS, Answers, answers
 from flighttune.flight.fly import library_versions
-from flighttune.flight.records.refly import changed_versions
+from flighttune.flight.records.refly import other_libraries
 
 # A timing that takes at least this long is accurate enough, s
 ENOUGH_S = 0.25
@@ -258,9 +258,8 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
         plan = plan.with_tuned_gains_of(dataset.plan)
         if changed := dataset.plan.with_runs(now).differences(plan):
             raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
-        if other := changed_versions(dict.fromkeys(versions, "absent") | dataset.versions):
-            changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
-            raise InputError(f"{out}: was flown with other libraries: {'; '.join(changes)}.")
+        if other := other_libraries(dataset.versions):
+            raise InputError(f"{out}: was flown with other libraries: {other}.")
         if now < was or (now > was and not plan.extendable):
             design = plan.campaign.design
             may = "can only grow" if plan.extendable else f"must stay with {design} draws"

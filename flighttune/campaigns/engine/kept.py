@@ -14,6 +14,7 @@ from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.campaigns.flying.rows import Drawn, Probes
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.fly import library_versions
+from flighttune.flight.records.refly import other_libraries
 
 # Digits of what decides, in the name of a file.
 DIGITS = 8
@@ -27,7 +28,7 @@ class KeptRows:
     """
 
     def __init__(self, file: Path | None, decides: Mapping[str, Any], pool: WorkerPool) -> None:
-        self._of = _hash({"of": decides, "versions": library_versions()})
+        self._of, self._versions = _hash({"of": decides}), library_versions()
         if file is not None:
             file = file.with_name(f"{file.stem}-{self._of[:DIGITS]}{file.suffix}")
         self.file, self.pool = file, pool
@@ -35,7 +36,8 @@ class KeptRows:
         self._rows: dict[tuple[str, int], Row] = {}
         if file is None:
             return
-        self._read(file)
+        if other := self._read(file):
+            pool.observer.hear(f"{file}: was flown with other libraries: {other}: flown again.")
         if self._rows:
             pool.observer.hear(f"{file}: {len(self)} flights are flown already.")
             pool.progress.add([*self._rows.values()])
@@ -89,20 +91,28 @@ class KeptRows:
     def _line(self, place: tuple[str, int], row: Row) -> str:
         if COMPILED in row:
             row = row | {COMPILED: row[COMPILED].text}
-        return _text({"of": self._of, "plan": place[0], "row": row}) + "\n"
+        kept = {"of": self._of, "versions": self._versions, "plan": place[0], "row": row}
+        return _text(kept) + "\n"
 
-    def _read(self, file: Path) -> None:
-        """Take the rows of the command from the file; none after a damaged line."""
+    def _read(self, file: Path) -> str:
+        """Take the rows of the command from the file; none after a damaged line.
+
+        Returns what differs of the libraries of rows that were left.
+        """
+        other = ""
         try:
             for line in file.read_text(encoding="utf-8").splitlines():
                 kept = json.loads(line)
-                if kept["of"] == self._of:
+                if kept["of"] == self._of and kept["versions"] != self._versions:
+                    other = other_libraries(kept["versions"])
+                elif kept["of"] == self._of:
                     row = kept["row"]
                     if COMPILED in row:
                         row[COMPILED] = CompiledFlights.stated(row[COMPILED])
                     self._rows[kept["plan"], row["run"]] = row
         except (OSError, ValueError, KeyError, TypeError, InputError):
             pass
+        return other
 
 
 def _hash(value: Mapping[str, Any]) -> str:

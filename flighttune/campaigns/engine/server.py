@@ -16,10 +16,9 @@ from flighttune.base.errors import DifferenceError, FlightTuneError, PlantError
 from flighttune.base.files.code import Grant, take
 from flighttune.campaigns.flying.rows import Draw, Row, fly_again, fly_draw, warm_up
 from flighttune.campaigns.planning.plan import Plan
-from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own
 from flighttune.flight.records.parquet import parquet_bytes
-from flighttune.flight.records.refly import changed_versions
+from flighttune.flight.records.refly import other_versions
 from flighttune.vehicles.aircraft.aircraft import files_hash
 
 # Time limit to load a plan, s. The first samples of its flights have the limit of a flight plus
@@ -62,7 +61,7 @@ def serve(pipe: Connection) -> None:
 def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
     """The plan, a function that flies the runs of a draw, and the permission to run code."""
     wanted, content = pickle.loads(work)
-    if other := changed_versions(dict.fromkeys(library_versions(), "absent") | wanted):
+    if other := other_versions(wanted):
         raise PlantError(
             "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
         )

@@ -9,6 +9,7 @@ import numpy as np
 
 from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import same_bits
 from flighttune.base.errors import RecordingError
 from flighttune.control.gains import PIGains
 from flighttune.flight.apart import Progress
@@ -139,6 +140,17 @@ def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
+def other_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """As `changed_versions`, also of libraries that `then` does not name."""
+    return changed_versions(dict.fromkeys(library_versions(), "absent") | dict(then))
+
+
+def other_libraries(then: Mapping[str, str]) -> str:
+    """What differs from `then` of libraries and machine, in words; empty if nothing does."""
+    pairs = other_versions(then).items()
+    return "; ".join(f"{name}: was {was}, is {now}" for name, (was, now) in pairs)
+
+
 def differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
     """Differences to the bit: gains, then signals in order of time, then the outcome."""
     yield from _in_gains(recorded.provenance.gains, reflown.provenance.gains)
@@ -178,8 +190,10 @@ def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
         run.signals[names].reset_index().to_numpy(dtype=float)[:n]
         for run, names in zip((recorded, reflown), columns, strict=True)
     )
-    # A NaN equals itself. A compiled flight may have a zero of the other sign than JSBSim.
-    differ = (then != now) & ~(np.isnan(then) & np.isnan(now))
+    if "libc" not in recorded.provenance.versions:
+        # Up to 0.5, a compiled flight may have a zero of the other sign than JSBSim.
+        then, now = then + 0.0, now + 0.0
+    differ = ~same_bits(then, now)
     for row, column in np.argwhere(differ)[:1].tolist():
         what = ["t", *columns[0]][column]
         entry = (row, column)

@@ -32,6 +32,10 @@ HEAD_AND_FOOT = TOP + BOTTOM
 # Share of an axis that stays free above and below the data.
 ROOM = 0.05
 
+# Largest value of an axis, and the inverse of the smallest of a logarithmic one. A value beyond is
+# drawn at the end: a bound that falls for an hour is zero, and one that grows is infinite.
+LARGEST = 1e120
+
 # Approximate distance of labels on the x and the y axis, pixels.
 GAPS = 64.0, 42.0
 
@@ -169,16 +173,19 @@ class Chart:
     ) -> None:
         """Draw a horizontal line across the chart, inside the y axis."""
         look = _stroke(colour, 1.2, dash) + _owner(run, name)
-        self._add(
-            lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{look}/>',
-            (np.array([np.nan]), np.array([value])),
-            entry=(name, colour, dash),
-        )
+
+        def drawn(a: "_Axes") -> str:
+            return (
+                "" if math.isnan(value) else f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{look}/>'
+            )
+
+        self._add(drawn, (np.array([np.nan]), np.array([value])), entry=(name, colour, dash))
 
     def upright(self, value: float, colour: str = NEUTRAL, *, dash: str = "") -> None:
         """Draw a vertical line across the chart."""
         look = _stroke(colour, 1.2, dash)
-        self._add(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{look}/>')
+        if not math.isnan(value):
+            self._add(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{look}/>')
 
     def points(
         self,
@@ -235,6 +242,7 @@ class Chart:
                 f'<rect x="{x0:.1f}" y="{y0:.1f}" width="{x1 - x0:.1f}" height="{y1 - y0:.1f}" '
                 f'fill="{css_colour(colour)}"/>'
                 for (x0, x1), (y0, y1), colour in zip(sides, ends, colours, strict=True)
+                if math.isfinite(x0 + y0 + y1)
             )
 
         self._add(drawn, (places - 0.5, lows), (places + 0.5, highs))
@@ -245,7 +253,11 @@ class Chart:
 
         def drawn(a: "_Axes") -> str:
             up = a.height * (1.0 - lane)
-            parts = (f"M{a.sx(start):.1f},{up:.1f}H{a.sx(end):.1f}" for start, end in pairs)
+            parts = (
+                f"M{a.sx(start):.1f},{up:.1f}H{a.sx(end):.1f}"
+                for start, end in pairs
+                if math.isfinite(a.sx(start) + a.sx(end))
+            )
             return f'<path d="{"".join(parts)}"{look}/>'
 
         if pairs:
@@ -264,6 +276,8 @@ class Chart:
 
         def drawn(a: "_Axes") -> str:
             px, py = float(a.sx(x)), float(a.sy(y))
+            if not math.isfinite(px + py):
+                return ""
             look = f'{NAMED} data-at="{px:.1f},{py:.1f}"'
             return _label(px + shift[0], py + shift[1], text, look, anchor=anchor)
 
@@ -282,6 +296,7 @@ class Chart:
 
         def drawn(a: "_Axes") -> str:
             dots = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
+            dots = [dot for dot in dots if math.isfinite(dot[0] + dot[1])]
             occupied = [(x - 6.0, y - 6.0, x + 6.0, y + 6.0) for x, y, _ in dots]
             parts = []
             for x, y, name in dots:
@@ -357,13 +372,14 @@ class Chart:
         width, height = WIDTH - LEFT - RIGHT, self.height - TOP - BOTTOM
         x = self.x_range or _ends([xs for xs, _ in self._seen], self.x_room, "x" in self.log)
         y = self.y_range or _ends([ys for _, ys in self._seen], ROOM, "y" in self.log)
+        # an axis that does not begin above zero is linear
+        log_x, log_y = "x" in self.log and x[0] > 0.0, "y" in self.log and y[0] > 0.0
+        x, y = _apart(x, log_x), _apart(y, log_y)
         if self.equal:
             scale = max((x[1] - x[0]) / width, (y[1] - y[0]) / height)
             x, y = _around(x, 1.04 * scale * width), _around(y, 1.04 * scale * height)
         if self.downwards:
             y = y[1], y[0]
-        # an axis that does not begin above zero is linear
-        log_x, log_y = ("x" in self.log and x[0] > 0.0), ("y" in self.log and min(y) > 0.0)
         return _Axes(x=x, y=y, width=width, height=height, log_x=log_x, log_y=log_y)
 
 
@@ -442,7 +458,7 @@ def ticks(ends: Range, count: float, log: bool = False) -> list[tuple[float, str
 def _log_ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
     """Decades, with 2 and 5 between them if there are few."""
     exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    decades = math.log10(high / low)
+    decades = math.log10(high) - math.log10(low)
     steps = (1, 2, 5) if decades * 3.0 <= 1.5 * count else (1,)
     every = 1 if len(steps) > 1 else max(1, math.ceil(decades / (1.5 * count)))
     values = [m * 10.0**e for e in exponents if e % every == 0 for m in steps]
@@ -495,13 +511,28 @@ def _ends(values: Sequence[FloatArray], room: float, log: bool) -> Range:
     flat = flat[np.isfinite(flat) & ((flat > 0.0) | (not log))]
     if not len(flat):
         return (0.1, 1.0) if log else (0.0, 1.0)
-    low, high = float(flat.min()), float(flat.max())
+    low, high = _within((float(flat.min()), float(flat.max())), log)
     if log:
         factor = max((high / low) ** room, 1.05)
         return low / factor, high * factor
-    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-3):
-        return low - 0.5 * max(abs(low), 1.0), high + 0.5 * max(abs(high), 1.0)
     return low - room * (high - low), high + room * (high - low)
+
+
+def _within(ends: Range, log: bool) -> Range:
+    """Ends that `LARGEST` allows."""
+    least = 1.0 / LARGEST if log else -LARGEST
+    low, high = (min(max(least, end), LARGEST) for end in ends)
+    return low, high
+
+
+def _apart(ends: Range, log: bool) -> Range:
+    """Ends that an axis can have: finite, in order, and not too near to each other."""
+    low, high = _within(ends, log)
+    if log:
+        return (low, high) if high > low * (1.0 + 1e-9) else (low / 1.05, low * 1.05)
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-3):
+        return low - 0.5 * max(abs(low), 1.0), low + 0.5 * max(abs(low), 1.0)
+    return low, high
 
 
 def _around(ends: Range, size: float) -> Range:

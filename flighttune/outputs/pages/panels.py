@@ -260,11 +260,13 @@ def certificate_panels(flights: Drawn, bounds: Mapping[str, LinearBound]) -> lis
         for run, style in compared:
             curve, label = bounds[run.label], run.label
             chart.run_line(curve.t, np.maximum(curve.size, TINY), style, label, dash="", **look)
-            chart.run_line(curve.t, curve.bound, style, label, dash=DASHED, width=1.2, **look)
+            chart.run_line(
+                curve.t, np.maximum(curve.bound, TINY), style, label, dash=DASHED, width=1.2, **look
+            )
             if curve.radius > 0.0:
                 chart.level(curve.radius, style.colour, dash=DOTTED, run=label)
         low, high = chart.y_ends()
-        chart.y_range = max(low, FLOOR), high
+        chart.y_range = max(low, FLOOR), max(high, 10.0 * FLOOR)
         charts.append(chart)
     return charts
 

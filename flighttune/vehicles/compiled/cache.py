@@ -9,8 +9,9 @@ import os
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from hashlib import sha256
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +26,36 @@ _WAIT = 120.0
 
 _DIGEST, _LENGTH = 32, 8
 
+# Most files in the folder, with their locks, and their size.
+MAX_FILES, MAX_BYTES = 400, 32_000_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """A cached step: names, machine code, and the record of its check flight."""
+    """A cached step: names, machine code, and what its checks found.
+
+    Attributes
+    ----------
+    names : Names
+    code : bytes
+    equal : bool
+        Whether a check found it equal to JSBSim.
+    differences : dict
+        The difference that a check found, by its case.
+    loaded : dict
+        What JSBSim shows of the aircraft, of a start.
+    """
 
     names: Names
     code: bytes
-    verdict: dict[str, Any]
+    equal: bool = False
+    differences: dict[str, str] = field(default_factory=dict)
+    loaded: dict[str, Any] = field(default_factory=dict)
 
     def bytes_for(self, key: str) -> bytes:
         """The file under a key."""
-        head = json.dumps({"key": key, "names": asdict(self.names), "verdict": self.verdict})
+        found = {"equal": self.equal, "differences": self.differences, "loaded": self.loaded}
+        head = json.dumps({"key": key, "names": asdict(self.names), "found": found})
         body = len(head).to_bytes(_LENGTH, "little") + head.encode() + self.code
         return sha256(body).digest() + body
 
@@ -51,7 +70,7 @@ def kept_from(data: bytes, key: str) -> Kept | None:
     if head["key"] != key:
         return None
     names = Names(**{field: tuple(names) for field, names in head["names"].items()})
-    return Kept(names=names, code=body[end:], verdict=head["verdict"])
+    return Kept(names=names, code=body[end:], **head["found"])
 
 
 def folder() -> Path:
@@ -62,18 +81,20 @@ def folder() -> Path:
     return home / "flighttune" / "compiled"
 
 
-def kept_or_made(key: str, make: Callable[[], Kept]) -> Kept:
-    """The step of a key: read, or made and kept if that can be done."""
+def kept_or_made(
+    key: str, make: Callable[[], Kept], check: Callable[[Kept], Kept] = lambda kept: kept
+) -> Kept:
+    """The step of a key: read, or made and kept if that can be done; what `check` adds is kept."""
     if (place := _own_folder()) is None:
-        return make()
+        return check(make())
     file = place / f"{key}.step"
     with _alone(file):
-        if (found := _read(file, key)) is not None:
-            return found
-        made = make()
-        with suppress(OSError, FlightTuneError):
-            _write(file, made.bytes_for(key))
-        return made
+        found = _read(file, key)
+        if (kept := check(found or make())) is not found:
+            with suppress(OSError, FlightTuneError):
+                _write(file, kept.bytes_for(key))
+                remove_oldest(place)
+        return kept
 
 
 def _own_folder() -> Path | None:
@@ -112,7 +133,9 @@ def _read(file: Path, key: str) -> Kept | None:
     # Whatever is wrong with a file, the step is made again.
     with suppress(Exception):
         if _own(file):
-            return kept_from(file.read_bytes(), key)
+            kept = kept_from(file.read_bytes(), key)
+            os.utime(file)  # for `remove_oldest`
+            return kept
     return None
 
 
@@ -120,3 +143,20 @@ def _write(file: Path, data: bytes) -> None:
     with apart(), whole_file(file) as part:
         part.chmod(0o600)
         part.write_bytes(data)
+
+
+def remove_oldest(place: Path) -> None:
+    """Remove steps and locks beyond `MAX_FILES` and `MAX_BYTES`, the oldest by use first.
+
+    That does no harm to other processes: they read a step whole, or make it again.
+    """
+    used: list[tuple[int, int, Path]] = []
+    for file in (*place.glob("*.step"), *place.glob("*.lock")):
+        with suppress(FileNotFoundError):  # another process has removed it
+            state = os.lstat(file)
+            used.append((state.st_mtime_ns, state.st_size, file))
+    used.sort(reverse=True)
+    sizes = accumulate(size for _, size, _ in used)
+    for i, ((_, _, file), size) in enumerate(zip(used, sizes, strict=True)):
+        if i >= MAX_FILES or size > MAX_BYTES:
+            file.unlink(missing_ok=True)

@@ -3,12 +3,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
 
-from flighttune.base.arrays import FloatArray
+from flighttune.base.arrays import FloatArray, same_bits
 from flighttune.base.errors import FlightTuneError, PlantError
 from flighttune.base.words import told_apart
 from flighttune.control.controller import FlightCondition
@@ -62,13 +63,27 @@ class Verdict:
     compared: int
     difference: str = ""
 
-    def record(self) -> dict[str, Any]:
-        """The result as the cache stores it."""
-        return asdict(self)
-
 
 class Unchecked(Exception):
     """Why an aircraft with these numbers cannot be flown to check its step."""
+
+
+class _Unchanging(JSBSimPlant):
+    """An aircraft on which nothing fails or ends in flight: its loop would write that."""
+
+    def changes(self) -> list[tuple[float, str, float]]:
+        """Nothing, at any time."""
+        return []
+
+
+def case_of(config: AircraftConfig) -> str:
+    """Digest of all numbers that decide a check: what it finds holds for flights with these alone.
+
+    Faults are no part of it, because none comes in a check.
+    """
+    off = config.off_nominal and config.off_nominal.model_copy(update={"fault": None})
+    numbers = config.model_dump_json(), repr(config.gains), repr(off)
+    return sha256("\n".join(numbers).encode()).hexdigest()
 
 
 def check_flight(step: CompiledStep, config: AircraftConfig) -> Verdict:
@@ -91,12 +106,7 @@ def _started(step: CompiledStep, config: AircraftConfig) -> JSBSimPlant:
         else None,
         gust=_GUST if step.air.gust else None,
     )
-    if config.off_nominal is not None and (fault := config.off_nominal.fault) is not None:
-        # A fault that comes in flight is a number that its loop writes: here it does not come.
-        later = fault.model_copy(update={"from_s": 2.0 * DURATION})
-        off_nominal = config.off_nominal.model_copy(update={"fault": later})
-        config = config.with_off_nominal(off_nominal)
-    plant = JSBSimPlant(config, steps=step.steps, weather=weather, seed=_SEED)
+    plant = _Unchanging(config, steps=step.steps, weather=weather, seed=_SEED)
     plant.start(still)
     return plant
 
@@ -134,7 +144,9 @@ def check_start(
             plant.start(condition, fdm)
             started.append((condition, plant))
             now = fdm.shown()
-            moved = {x for x, value in loaded.after.items() if not _same(value, now.get(x))}
+            moved = {
+                x for x, value in loaded.after.items() if not same_bits(value, now.get(x, np.nan))
+            }
             loaded = replace(loaded, moved=sorted({*loaded.moved, *moved}))
     except FlightTuneError as error:
         raise Unchecked(f"there is no start to check it at: {error}") from error
@@ -149,7 +161,7 @@ def check_start(
         other.start(condition, EvaluatedFdm(evaluation, source, ground=ground))
         compiled = _start_numbers(step, other)
         for name, value in by_jsbsim.items():
-            if not _same(value, compiled[name]):
+            if not same_bits(value, compiled[name]):
                 wanted, got = told_apart(value, compiled[name])
                 return loaded, f"`{name}` differs at a start: {wanted} by JSBSim, {got} compiled"
     return loaded, ""
@@ -201,7 +213,7 @@ def _flown_by_jsbsim(
         for name in step.names.parameters
         if not name.startswith("_") and name not in _COMMANDS and fdm.shows(name)
     }
-    before = {name: value() for name, value in constant.items()}
+    before = [value() for value in constant.values()]
     moved: dict[str, float] = {}
     rows = np.empty((round(DURATION * rate), len(read)))
     look = max(1, round(_LOOK * rate))
@@ -211,8 +223,8 @@ def _flown_by_jsbsim(
         going = plant.advance(phi, n_z, 1.0 / rate) is None
         row[:] = [value() for value in read]
         if k % look == 0 or k == len(rows) - 1 or not going:
-            now = {name: value() for name, value in constant.items()}
-            moved |= {name: k / rate for name, x in now.items() if not _same(x, before[name])}
+            same = same_bits([value() for value in constant.values()], before)
+            moved = {name: k / rate for name, kept in zip(constant, same, strict=True) if not kept}
         if moved or not going:
             return rows[: k + 1], k + 1, moved
     return rows, len(rows), moved
@@ -237,7 +249,7 @@ def _compared(
     if steps < _SHORTEST * fdm.rate:
         raise Unchecked(f"the check flight left the envelope after {steps} steps")
     actual = _flown_compiled(step, plant, config, steps)[:, places]
-    same = _same(actual, expected)
+    same = same_bits(actual, expected)
     names = [step.names.properties[i] for i in places]
     return Verdict(
         steps=steps,
@@ -265,11 +277,6 @@ def _flown_compiled(
         step.fly(start.states, start.parameters, 1, stream[k : k + 1], shown)
         row[:] = shown[len(names.signals) :]
     return rows
-
-
-def _same(a: Any, b: Any) -> Any:
-    """Whether numbers are equal, or both NaN."""
-    return (a == b) | (np.isnan(a) & np.isnan(b))
 
 
 def _difference(names: Sequence[str], expected: FloatArray, actual: FloatArray, same: Any) -> str:

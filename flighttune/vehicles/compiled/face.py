@@ -2,19 +2,22 @@
 """The compiled step of an aircraft, or why there is none: what the rest of the package imports."""
 
 import platform
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from flighttune import vehicles
 from flighttune.base import units
+from flighttune.base.c_library import c_library
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
 from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
 from flighttune.vehicles.compiled.cache import Kept, kept_or_made
-from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight, check_start
+from flighttune.vehicles.compiled.check import Unchecked, case_of, check_flight, check_start
 from flighttune.vehicles.compiled.evaluated import EvaluatedFdm, Evaluation, Loaded, LoadedFdm
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported as Unsupported
@@ -29,8 +32,11 @@ from flighttune.vehicles.plants.weather import TurbulenceModel
 # Versions of JSBSim that the compiled step reproduces.
 KNOWN_VERSIONS = ("1.3.3",)
 
-# Flights that may fail to check a step before it is refused
+# Checks of a step that may fail in this process before it is refused without a check.
 MAX_UNCHECKED = 5
+
+# Differences of a step that are kept, each of its case.
+MAX_DIFFERENCES = 100
 
 
 @dataclass(frozen=True)
@@ -58,13 +64,7 @@ def compiled(
     if (found := jsbsim_version()) not in KNOWN_VERSIONS:
         return Refusal(f"JSBSim must be of version {' or '.join(KNOWN_VERSIONS)}, got {found}")
     source, air = Source(config, steps, files), Air(turbulence, gust)
-    if len(reasons := _unchecked(source, air)) >= MAX_UNCHECKED:
-        return Refusal(reasons[-1])
-    try:
-        return _compiled(source, air)
-    except Unchecked as why:
-        reasons.append(str(why))
-        return Refusal(str(why))
+    return _for_case(source, air, lambda: _compiled(source, air))
 
 
 def evaluated(
@@ -74,19 +74,17 @@ def evaluated(
 
     The first use compiles its evaluations and starts it beside JSBSim; the result is cached.
     """
-    if isinstance(compiled(config, files=files), Refusal):
+    step = compiled(config, files=files)
+    if isinstance(step, Refusal):
         return None
     source = Source(config, 1, files)
-    if len(reasons := _unchecked(source, ground)) >= MAX_UNCHECKED:
+    evaluation = _for_case(source, ground, lambda: _evaluation(step, source, ground))
+    if isinstance(evaluation, Refusal):
         return None
     try:
-        evaluation = _evaluation(source, ground)
-        return evaluation and EvaluatedFdm(evaluation, source, ground=ground)
-    except Unchecked as why:
-        reasons.append(str(why))
+        return EvaluatedFdm(evaluation, source, ground=ground)
     except Unsupported:
-        pass  # a start is not refused to its user: JSBSim makes it
-    return None
+        return None  # a start is not refused to its user: JSBSim makes it
 
 
 @cache
@@ -110,63 +108,105 @@ def sloped(step: CompiledStep) -> MachineStep:
 def _sloped(source: Source, air: Air) -> MachineStep:
     def made() -> Kept:
         names, code = _code(source, air, sloped=True)
-        return Kept(names=names, code=code, verdict={})
+        return Kept(names=names, code=code)
 
     kept = kept_or_made(_key(source, air, "slopes"), made)
     return MachineStep(kept.names, kept.code)
 
 
-@lru_cache(maxsize=32)
-def _unchecked(_source: Source, _of: Air | float) -> list[str]:
-    """Reasons why flights could not check a step or start, to append to: other numbers may do."""
-    return []
+@dataclass
+class _Known:
+    """What this process knows of a step or start: itself once it may fly, and why it may not."""
+
+    ready: Any = None
+    differences: dict[str, str] = field(default_factory=dict)  # by case
+    failed: list[str] = field(default_factory=list)
 
 
-@lru_cache(maxsize=32)
-def _compiled(source: Source, air: Air) -> CompiledStep | Refusal:
-    try:
-        kept = kept_or_made(_key(source, air), lambda: _made(source, air))
-    except Unsupported as what:
-        return Refusal(f"the compiled step does not know {what}")
-    verdict = Verdict(**kept.verdict)
-    if verdict.difference:
-        return Refusal(verdict.difference)
-    return CompiledStep(source, air, kept.names, kept.code)
+@lru_cache(maxsize=64)
+def _known(_source: Source, _of: Air | float) -> _Known:
+    return _Known()
 
 
-@lru_cache(maxsize=32)
-def _evaluation(source: Source, ground: float) -> Evaluation | None:
-    """How an aircraft is evaluated; None if a start differs from JSBSim's."""
-    if not isinstance(step := compiled(source.config, files=source.files), CompiledStep):
-        return None
+def _for_case(source: Source, of: Air | float, make: Callable[[], tuple[Kept, Any]]) -> Any:
+    """The step or start that `make` gives, or why it is refused for the numbers of a source.
+
+    A difference is one of its case alone: other numbers are checked by themselves.
+    """
+    known, case = _known(source, of), case_of(source.config)
+    if known.ready is None and case not in known.differences:
+        if len(known.failed) >= MAX_UNCHECKED:
+            return Refusal(known.failed[-1])
+        try:
+            kept, known.ready = make()
+            known.differences |= kept.differences
+            known.failed += [kept.differences[case]] if case in kept.differences else []
+        except Unchecked as why:
+            known.failed.append(str(why))
+            return Refusal(str(why))
+        except Unsupported as what:
+            known.ready = Refusal(f"the compiled step does not know {what}")
+    if case in known.differences:
+        return Refusal(known.differences[case])
+    return known.ready
+
+
+def _checked(
+    kept: Kept, config: AircraftConfig, check: Callable[[Kept], tuple[str, Loaded | None]]
+) -> Kept:
+    """A step with what a check of a case finds; a case that was equal stands for others."""
+    if kept.equal or (case := case_of(config)) in kept.differences:
+        return kept
+    difference, loaded = check(kept)
+    if not difference:
+        return replace(kept, equal=True, loaded=asdict(loaded) if loaded else {})
+    others = [*kept.differences.items()][1 - MAX_DIFFERENCES :]
+    return replace(kept, differences=dict(others) | {case: difference})
+
+
+def _compiled(source: Source, air: Air) -> tuple[Kept, CompiledStep | None]:
+    def check(kept: Kept) -> tuple[str, None]:
+        step = CompiledStep(source, air, kept.names, kept.code)
+        return check_flight(step, source.config).difference, None
+
+    def made() -> Kept:
+        names, code = _code(source, air)
+        return Kept(names=names, code=code)
+
+    kept = kept_or_made(_key(source, air), made, lambda kept: _checked(kept, source.config, check))
+    return kept, CompiledStep(source, air, kept.names, kept.code) if kept.equal else None
+
+
+def _evaluation(
+    step: CompiledStep, source: Source, ground: float
+) -> tuple[Kept, Evaluation | None]:
+    """How an aircraft is evaluated at its start."""
     model, write = source.model(Air()), _writing()
     engines = len(model.engines)  # of the model; a glider may have some at rest
 
+    def evaluation(kept: Kept, loaded: Loaded) -> Evaluation:
+        code = BeforeFlight(kept.names, kept.code, engines)
+        return Evaluation(source, model, loaded, code, write, _evaluated_or_loaded)
+
     def made() -> Kept:
         names, text = before_flight(model, thrusts_of(source.config))
-        code = machine.object_code(text)
+        return Kept(names=names, code=machine.object_code(text))
+
+    def check(kept: Kept) -> tuple[str, Loaded | None]:
         fdm = LoadedFdm(source.config, ground=ground, files=source.files)
-        before_it = BeforeFlight(names, code, engines)
-        found = Evaluation(source, model, fdm.known, before_it, write, _evaluated_or_loaded)
         try:
-            loaded, difference = check_start(step, found, source, ground)
+            loaded, difference = check_start(step, evaluation(kept, fdm.known), source, ground)
         except Unsupported as what:
-            loaded, difference = found.loaded, f"a start does not know {what}"
-        verdict = {"difference": difference, "loaded": asdict(loaded)}
-        return Kept(names=names, code=code, verdict=verdict)
+            return f"a start does not know {what}", None
+        return difference, loaded
 
     engines_settle, settings = source.config.engines.settle, source.config.settings
-    try:
-        kept = kept_or_made(
-            _key(source, Air(), f"start {ground} {engines_settle} {settings}"), made
-        )
-    except Unsupported:
-        return None
-    if kept.verdict["difference"]:
-        return None
-    loaded = Loaded(**kept.verdict["loaded"])
-    code = BeforeFlight(kept.names, kept.code, engines)
-    return Evaluation(source, model, loaded, code, write, _evaluated_or_loaded)
+    kept = kept_or_made(
+        _key(source, Air(), f"start {ground} {engines_settle} {settings}"),
+        made,
+        lambda kept: _checked(kept, source.config, check),
+    )
+    return kept, evaluation(kept, Loaded(**kept.loaded)) if kept.equal else None
 
 
 def _evaluated_or_loaded(files: Unchanged, steps: int, ground: float) -> Fdm:
@@ -180,17 +220,10 @@ def _writing() -> MachineStep:
 
     def made() -> Kept:
         names, text = writing()
-        return Kept(names=names, code=machine.object_code(text), verdict={})
+        return Kept(names=names, code=machine.object_code(text))
 
     kept = kept_or_made(_digest("initial state"), made)
     return MachineStep(kept.names, kept.code)
-
-
-def _made(source: Source, air: Air) -> Kept:
-    """Trace, compile and check the step of an aircraft."""
-    names, code = _code(source, air)
-    verdict = check_flight(CompiledStep(source, air, names, code), source.config)
-    return Kept(names=names, code=code, verdict=verdict.record())
 
 
 @lru_cache(maxsize=4)
@@ -212,7 +245,8 @@ def _key(source: Source, air: Air, kind: str = "") -> str:
 def _digest(*texts: str | bytes) -> str:
     """Digest of texts, of JSBSim, the machine and our code."""
     digest = sha256()
-    machine_and_code = platform.platform(), *machine.processor(), _own_digest()
+    here = platform.platform(), c_library(), *machine.processor()
+    machine_and_code = *here, _own_digest()
     for text in (*texts, jsbsim_version(), version("llvmlite"), *machine_and_code):
         data = text.encode() if isinstance(text, str) else text
         digest.update(len(data).to_bytes(8, "little") + data)

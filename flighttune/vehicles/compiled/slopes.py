@@ -59,6 +59,18 @@ def _value(graph: Graph, place: int) -> Number:
     return of_bits(node.args[0]) if node.op == "const" else node
 
 
+def _plus(a: Number, b: Number) -> Number:
+    """A sum of slopes; the sign of a zero does not matter, so that zeros are left out."""
+    if constant_of(a) == 0.0:
+        return b
+    return a if constant_of(b) == 0.0 else a + b
+
+
+def _times(a: Number, b: Number) -> Number:
+    """A product with a slope, zero if a factor is."""
+    return 0.0 if 0.0 in (constant_of(a), constant_of(b)) else a * b
+
+
 def _where(positive: Number, a: Number) -> Number:
     """A slope where a number is positive, else zero: there the slope is undefined."""
     if constant_of(positive) is not None:
@@ -67,20 +79,20 @@ def _where(positive: Number, a: Number) -> Number:
 
 
 def _power(node: Value, x: Number, y: Number, dx: Number, dy: Number) -> Number:
-    by_base = y * power(x, y - 1.0) * dx
+    by_base = _times(y * power(x, y - 1.0), dx)
     if constant_of(dy) == 0.0:
         return by_base
     logarithm = math.log(x) if not symbolic(x) and x > 0.0 else call("log", x)
-    return by_base + _where(x, node * logarithm * dy)
+    return _plus(by_base, _where(x, node * logarithm * dy))
 
 
 def _atan2(_: Value, y: Number, x: Number, dy: Number, dx: Number) -> Number:
     square = x * x + y * y
-    return _where(square, (x * dy - y * dx) / square)
+    return _where(square, _plus(_times(x, dy), -_times(y, dx)) / square)
 
 
 def _fmod(node: Value, x: Number, y: Number, dx: Number, dy: Number) -> Number:
-    return dx - (x - node) / y * dy
+    return _plus(dx, -_times((x - node) / y, dy))
 
 
 def _fabs(_: Value, x: Number, dx: Number) -> Number:
@@ -90,10 +102,10 @@ def _fabs(_: Value, x: Number, dx: Number) -> Number:
 # Slope of an operation from its value, its operands and their slopes.
 _RULES: Mapping[str, Callable[..., Number]] = {
     "select": select,
-    "fadd": lambda _, a, b, da, db: da + db,
-    "fsub": lambda _, a, b, da, db: da - db,
-    "fmul": lambda _, a, b, da, db: da * b + a * db,
-    "fdiv": lambda q, a, b, da, db: (da - q * db) / b,
+    "fadd": lambda _, a, b, da, db: _plus(da, db),
+    "fsub": lambda _, a, b, da, db: _plus(da, -db),
+    "fmul": lambda _, a, b, da, db: _plus(_times(da, b), _times(a, db)),
+    "fdiv": lambda q, a, b, da, db: _plus(da, -_times(q, db)) / b,
     "fneg": lambda _, a, da: -da,
     "sqrt": lambda root, x, dx: _where(root, dx / (2.0 * root)),
     "fabs": _fabs,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Symbolic doubles: arithmetic in Python that is recorded as a graph of operations.
 
-The same source runs on floats, which folds it. Only what changes no number is simplified:
-constants, ``x*1``, ``x/1``, ``x+0`` and ``x*0`` (of finite numbers; the sign of a zero may
-differ).
+The same source runs on floats, which folds it. Only what changes no bit is simplified: constants,
+``x*1``, ``x/1``, ``x-0`` and ``x+(-0)``. A sum with +0 makes +0 of -0, and a product with 0 has a
+sign, as in JSBSim.
 """
 
 import math
@@ -140,30 +140,30 @@ def _operation(op: str, a: Number, b: Number) -> Value:
 
 
 def _sum(a: Number, b: Number) -> Number:
-    if constant_of(a) == 0.0:
+    if _is(a, -0.0):
         return b
-    return a if constant_of(b) == 0.0 else _operation("fadd", a, b)
+    return a if _is(b, -0.0) else _operation("fadd", a, b)
 
 
 def _difference(a: Number, b: Number) -> Number:
-    if constant_of(a) == 0.0:
+    if _is(a, -0.0):
         return -b
-    return a if constant_of(b) == 0.0 else _operation("fsub", a, b)
+    return a if _is(b, 0.0) else _operation("fsub", a, b)
 
 
 def _product(a: Number, b: Number) -> Number:
-    x, y = constant_of(a), constant_of(b)
-    if 0.0 in (x, y):
-        return 0.0
-    if x == 1.0:
+    if _is(a, 1.0):
         return b
-    return a if y == 1.0 else _operation("fmul", a, b)
+    return a if _is(b, 1.0) else _operation("fmul", a, b)
 
 
 def _quotient(a: Number, b: Number) -> Number:
-    if constant_of(a) == 0.0:
-        return 0.0
-    return a if constant_of(b) == 1.0 else _operation("fdiv", a, b)
+    return a if _is(b, 1.0) else _operation("fdiv", a, b)
+
+
+def _is(x: Number, known: float) -> bool:
+    """Whether a value is a known number, to the bit."""
+    return (y := constant_of(x)) is not None and bits(y) == bits(known)
 
 
 def _comparison(relation: str, a: Number, b: Number) -> Condition:

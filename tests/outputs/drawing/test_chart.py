@@ -6,6 +6,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, Chart, Sheet, evenly, key, peaks, ticks
 from flighttune.outputs.drawing.palette import LineStyle
@@ -472,3 +474,32 @@ def test_a_legend_shows_what_it_names_as_it_is_drawn(dash, mark):
 
     assert (one.get("d") or one.tag) == mark
     assert one.get("stroke-dasharray") == (dash if dash == DASHED else None)
+
+
+# Zeros, denormals, infinities and NaN among them.
+NUMBERS = st.lists(st.floats(), min_size=2, max_size=6)
+RANGES = st.none() | st.tuples(st.floats(), st.floats())
+
+
+@given(x=NUMBERS, y=NUMBERS, log=st.sampled_from(["", "x", "y", "xy"]), ends=RANGES)
+def test_an_axis_takes_all_numbers(x, y, log, ends):
+    x, y = zip(*zip(x, y, strict=False), strict=True)
+    for y_range in (None, ends):
+        chart = Chart(title="all", log=log, y_range=y_range)
+        chart.line(x, y, BLUE, name="line")
+        chart.band(x, y, y[::-1], BLUE)
+        chart.area(x, y, BLUE)
+        chart.points(x, y, BLUE)
+        chart.bars(x, y, [BLUE] * len(x))
+        chart.spans([(x[0], y[0])], 0.5, BLUE)
+        chart.level(y[0])
+        chart.upright(x[0])
+        chart.text(x[0], y[0], "text")
+        chart.label_points([(x[-1], y[-1], "point")])
+
+        places = re.findall(r' (?:d|x|y|x1|y1|cx|cy|width|height|data-at)="([^"]*)"', chart.svg())
+        assert not re.search("nan|inf", " ".join(places))
+        x_0, x_1, y_0, y_1, *_ = plot_axes(chart)
+        assert x_0 < x_1
+        assert y_0 < y_1
+        assert np.isfinite([x_0, x_1, y_0, y_1]).all()

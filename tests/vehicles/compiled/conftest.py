@@ -20,7 +20,7 @@ def _own_cache(shared_cache, monkeypatch):
 def empty_cache(tmp_path, monkeypatch):
     """A new folder, and nothing kept in the process."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    kept = face._compiled, face._code, face._unchecked, face._evaluation, face._writing
+    kept = face._known, face._code, face._writing
     for cached in kept:
         cached.cache_clear()
     yield tmp_path / "cache" / "flighttune" / "compiled"

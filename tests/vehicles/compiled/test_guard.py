@@ -222,7 +222,7 @@ def test_a_damaged_or_forged_step_is_made_anew(damage, empty_cache):
 
     def make():
         made.append(1)
-        return cache.Kept(names=Names(*[("a",)] * 5), code=b"code" * 100, verdict={"steps": 1})
+        return cache.Kept(names=Names(*[("a",)] * 5), code=b"code" * 100)
 
     first = cache.kept_or_made("a" * 64, make)
     assert cache.kept_or_made("a" * 64, make) == first
@@ -241,17 +241,17 @@ def test_steps_are_the_users_alone_and_read_in_milliseconds(empty_cache):
     assert isinstance(compiled(config), CompiledStep)
     (file,) = empty_cache.glob("*.step")
     assert (empty_cache.stat().st_mode & 0o777, file.stat().st_mode & 0o777) == (0o700, 0o600)
-    face._compiled.cache_clear()
-    written = file.stat().st_mtime_ns
+    face._known.cache_clear()
+    written = file.stat().st_ino
 
     assert isinstance(compiled(config), CompiledStep)
-    assert file.stat().st_mtime_ns == written
+    assert file.stat().st_ino == written
 
 
 def test_a_cache_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    kept = cache.Kept(names=Names(*[()] * 5), code=b"", verdict={})
+    kept = cache.Kept(names=Names(*[()] * 5), code=b"")
 
     assert cache.kept_or_made("a" * 64, lambda: kept) == kept
 
@@ -264,7 +264,7 @@ from flighttune.vehicles.compiled.step import Names
 def make():
     print("made")
     time.sleep(0.3)
-    return Kept(names=Names(*[()] * 5), code=b"", verdict={})
+    return Kept(names=Names(*[()] * 5), code=b"")
 
 kept_or_made("b" * 64, make)
 """
@@ -307,3 +307,98 @@ def test_a_step_that_no_draw_can_check_is_refused(empty_cache, monkeypatch):
 
         assert compiled(weak).reason.startswith("there is no flight to check it in: ")
     assert len(checked) == face.MAX_UNCHECKED
+
+
+# A value of each key of a fault; two of them are times.
+FAULT = {
+    "from_s": 1.0, "ended_s": 2.0, "ended_by": "cut", "cg_aft_m": 0.01, "lift_factor": 0.8,
+    "drag_factor": 1.5, "throttle_factor": 0.1, "actuator_lag_factor": 4.0, "V_a_bias_mps": 3.0,
+    "aileron_stuck_deg": 5.0, "elevator_stuck_deg": -5.0, "rudder_stuck_deg": 5.0,
+}  # fmt: skip
+FAULTS = {
+    "all": FAULT,
+    "ended by its thrust": FAULT | {"ended_by": "thrust"},
+    **{key: {"from_s": 1.0, key: FAULT[key]} for key in [*FAULT][3:]},
+    "ended at once": {"from_s": 300.0, "ended_s": 0.0},
+    "engine, ended": {"from_s": 0.0, "throttle_factor": 0.1, "ended_s": 5.0},
+}
+IN_TEST = ("ended by its thrust", "engine, ended")
+
+
+def test_every_key_of_a_fault_is_tried():
+    assert FAULT.keys() == aircraft.Fault.model_fields.keys()
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [pytest.param(x, marks=pytest.mark.slow if x in IN_TEST else pytest.mark.soak) for x in FAULTS],
+)
+def test_a_check_does_not_wait_for_what_comes_in_flight(fault, empty_cache):
+    off = aircraft.OffNominal(fault=aircraft.Fault(**FAULTS[fault]))
+    config = aircraft.load_aircraft("aerosonde").with_off_nominal(off)
+
+    assert isinstance(compiled(config), CompiledStep)
+
+
+def flying_at(config, h):
+    """The same model with another height of its design flight, in which it is checked."""
+    return config.model_copy(update={"design": config.design.model_copy(update={"h": h})})
+
+
+LEG = """<ground_reactions><contact type="BOGEY" name="leg">
+    <location unit="M"> <x> 0.4 </x> <y> 0 </y> <z> -0.3 </z> </location>
+    <static_friction>0.5</static_friction> <dynamic_friction>0.3</dynamic_friction>
+    <spring_coeff unit="LBS/FT">10</spring_coeff>
+    <damping_coeff unit="LBS/FT/SEC">1</damping_coeff>
+</contact></ground_reactions>"""
+SPRING = "<product><property>gear/unit/compression-ft</property><value>1e-9</value></product>"
+
+
+def on_a_leg(text):
+    assert "<ground_reactions/>" in text
+    return adding(SPRING)(text.replace("<ground_reactions/>", LEG))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("low_first", [True, False])
+def test_a_difference_is_kept_for_the_case_it_was_seen_in_alone(low_first, tmp_path, empty_cache):
+    """JSBSim moves the spring of a leg in a check near the ground, and in no other."""
+    high = aircraft.load_aircraft(changed_aerosonde(tmp_path / "aircraft", on_a_leg))
+    low = flying_at(high, 3.0)
+    low_is_refused = []
+    for config in (low, high) if low_first else (high, low):
+        for _ in range(2):  # in this process, and from the file
+            step = compiled(config)
+            if config is high:
+                assert isinstance(step, CompiledStep)
+            else:
+                low_is_refused.append("gear/unit/compression-ft" in getattr(step, "reason", ""))
+            face._known.cache_clear()
+
+    # A check that was equal stands for all numbers that none refused.
+    assert low_is_refused == [low_first] * 2
+    assert ("gear/unit/compression-ft" in getattr(compiled(low), "reason", "")) == low_first
+
+
+def test_the_folder_of_steps_is_bounded_and_its_oldest_by_use_are_removed(empty_cache):
+    def kept(key):
+        made = cache.Kept(names=Names(*[("a",)] * 5), code=b"code")
+        return cache.kept_or_made(key * 64, lambda: made)
+
+    kept("a")
+    kept("b")
+    for n in range(cache.MAX_FILES):
+        (empty_cache / f"{n}.step").write_bytes(b"code")
+    ages = [("a", 3000), ("b", 2000), *((str(n), 1000) for n in range(cache.MAX_FILES))]
+    for name, age in ages:
+        file = empty_cache / f"{name * 64 if name in 'ab' else name}.step"
+        os.utime(file, (file.stat().st_atime, file.stat().st_mtime - age))
+    kept("a")
+    kept("c")
+
+    names = {file.stem[0] for file in empty_cache.glob("*.step") if len(file.stem) == 64}
+    assert names == {"a", "c"}
+    assert len([*empty_cache.iterdir()]) <= cache.MAX_FILES
+    os.truncate(empty_cache / f"{'a' * 64}.step", cache.MAX_BYTES)
+    kept("d")
+    assert sum(file.stat().st_size for file in empty_cache.iterdir()) <= cache.MAX_BYTES
