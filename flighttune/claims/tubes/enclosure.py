@@ -151,13 +151,13 @@ class Flown:
     @property
     def sentence(self) -> str:
         """What the flights of an aircraft did, in words."""
-        covered = self.flights - self.outside_boxes
-        random = f", {self.drawn} of them from random starts" * bool(self.drawn)
+        n, covered = self.flights, self.flights - self.outside_boxes
+        random = f" ({self.drawn} from random starts)" * bool(self.drawn)
+        of_these = f" ({self.drawn_outside_boxes} from random starts)" * bool(self.drawn)
         return (
-            f"flown against the tube: {self.flights} flights{random}; {covered} stay in the boxes "
-            f"of their residual signals, of which {self.leave} leave the tube; "
-            f"{self.outside_boxes} leave the boxes ({self.drawn_outside_boxes} from random "
-            "starts), of which the tube claims nothing"
+            f"of {n} flight{'s' * (n != 1)} flown against the tube{random}, {covered} stayed in the "
+            f"boxes, and {self.leave} of these left the tube; {self.outside_boxes}{of_these} left "
+            "the boxes, and the tube claims nothing of them"
         )
 
 

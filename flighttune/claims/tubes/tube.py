@@ -92,8 +92,10 @@ def boxes_refuted(enclosure: Tube, flown: Flown) -> str:
                 "the boxes are wrong and no file is written"
             )
     if flown.outside_boxes == flown.flights:
-        which = "its flight leaves" if flown.flights == 1 else f"all {flown.flights} flights leave"
-        return f"{which} the boxes, so the tube is of no flight of it and no file is written"
+        who = "the scenario's flight leaves its"
+        if flown.flights > 1:
+            who = f"all {flown.flights} flights from its starts leave their"
+        return f"{who} boxes, so the tube covers none that was flown and no file is written"
     return ""
 
 
