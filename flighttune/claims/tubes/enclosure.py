@@ -155,9 +155,9 @@ class Flown:
         random = f" ({self.drawn} from random starts)" * bool(self.drawn)
         of_these = f" ({self.drawn_outside_boxes} from random starts)" * bool(self.drawn)
         return (
-            f"of {n} flight{'s' * (n != 1)} flown against the tube{random}, {covered} stayed in the "
-            f"boxes, and {self.leave} of these left the tube; {self.outside_boxes}{of_these} left "
-            "the boxes, and the tube claims nothing of them"
+            f"of {n} flight{'s' * (n != 1)} flown against the tube{random}, {covered} stayed in "
+            f"the boxes, and {self.leave} of these left the tube; {self.outside_boxes}{of_these} "
+            "left the boxes, and the tube claims nothing of them"
         )
 
 
