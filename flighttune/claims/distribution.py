@@ -30,6 +30,9 @@ AIR_AND_AIRFRAME = (
 # Keys of the start of a flight.
 STARTS = ("flight.chi_deg", "flight.gamma_deg")
 
+# Key of the start of the reference by that of the start of the flight, which it has by default.
+BEGINS = dict(zip(STARTS, ("reference.chi_from_deg", "reference.gamma_from_deg"), strict=True))
+
 # Distributions whose stated range contains every draw, not all but a few in 1e9.
 BOUNDED = ("uniform", "choice")
 
@@ -203,11 +206,13 @@ class Distribution:
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
         """Distance of its starts from a scenario's course and path angle, rad; None without one."""
-        flown, drawn = flown_values(scenario, plant), set(self.dispersed)
+        flown, fixed = self._begun(flown_values(scenario, plant))
+        drawn = set(self.dispersed)
         # Everything but the starts must equal the scenario, in calm air. The starts are drawn in a
         # symmetric range, equal for both angles.
-        alike = drawn <= set(STARTS) and {*flown} == {*self.fixed} | drawn and self.air == "calm"
-        if not alike or any(table.get("distribution") not in BOUNDED for table in self.disperse):
+        alike = drawn <= set(STARTS) and {*flown} == {*fixed} | drawn and self.air == "calm"
+        bounded = all(table.get("distribution") in BOUNDED for table in self.disperse)
+        if not (alike and bounded) or self.reference_moves:
             return None
         ranges = ((flown[key], self.dispersed.get(key, [flown[key]])) for key in STARTS)
         away = [abs(end - start) for start, ends in ranges for end in (ends[0], ends[-1])]
@@ -215,9 +220,10 @@ class Distribution:
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
         """Why no flight of the distribution can belong to this scenario; None if one can."""
-        for key, value, counted in self._differences(flown_values(scenario, plant), self.fixed):
+        flown, fixed = self._begun(flown_values(scenario, plant))
+        for key, value, counted in self._differences(flown, fixed):
             if key.split(".")[0] in FLOWN_ALIKE or value is not None:
-                allowed = counted if key in self.dispersed else abridged(self.fixed.get(key))
+                allowed = counted if key in self.dispersed else abridged(fixed.get(key))
                 return f"`{key}` must be {allowed}, got {abridged(value)}"
         return None
 
@@ -227,13 +233,38 @@ class Distribution:
         Unlike in `difference`, the counted flights may lack a table that the flight omits. Keys
         that begin with `but` may have any value.
         """
-        keys = dict.fromkeys([*self.dispersed, *self.fixed])
-        flown = _with_defaults(flown_values(scenario, plant), keys, self._values)
-        fixed = _with_defaults(self.fixed, flown, lambda key: [flown[key]])
+        flown, fixed = self._begun(flown_values(scenario, plant))
+        keys = dict.fromkeys([*self.dispersed, *fixed])
+        flown = _with_defaults(flown, keys, self._values)
+        fixed = _with_defaults(fixed, flown, lambda key: [flown[key]])
         for key, value, counted in self._differences(flown, fixed):
             if not key.startswith(but):
                 return f"{key.removesuffix('.intensity')} is {_shown(value)}, counted on {counted}"
         return ""
+
+    @property
+    def reference_moves(self) -> bool:
+        """Whether a reference begins at the drawn start of each flight, instead of beside it."""
+        values = self.fixed | self.dispersed
+
+        def changes(key: str) -> bool:
+            segments = values.get(key) == [] or any(x.startswith(f"{key}[") for x in values)
+            return segments or "reference.shape" in values  # else it is one number
+
+        return any(
+            start in self.dispersed and begin not in values and changes(begin.replace("_from", ""))
+            for start, begin in BEGINS.items()
+        )
+
+    def _begun(self, flown: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Values of a flight and of the counted flights, with the start of a stated reference.
+
+        Where only one of them states it, the reference of the other begins at the flight.
+        """
+        stated = {*flown, *self.fixed, *self.dispersed}
+        begins = {key: flown.get(start) for start, key in BEGINS.items() if key in stated}
+        counted = {key: at for key, at in begins.items() if key not in self.dispersed}
+        return begins | dict(flown), counted | self.fixed
 
     def _differences(
         self, flown: Mapping[str, Any], fixed: Mapping[str, Any]

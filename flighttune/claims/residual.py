@@ -46,12 +46,12 @@ class ResidualSignals(Measured):
 
     def values(self, run: Run, scenario: Scenario) -> FloatArray:
         """The residuals from each sample to the next, shape (samples - 1, signals)."""
-        return residuals_of(self.model, run, start_condition(scenario))
+        return residuals_of(self.model, run.signals, start_condition(scenario))
 
     def lost(self, run: Run, scenario: Scenario) -> bool:
         """Whether airspeed priority changed the path angle, which the model does not include."""
         del scenario
-        return bool(given_way(run).any())
+        return bool(given_way(run.signals).any())
 
 
 @checked_class

@@ -222,9 +222,7 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
             "given with a reference of shape feasible."
         )
     lower, upper, rate_lower, rate_upper = map(tuple, bounds.tolist())
-    chi_from, gamma_from = reference.chi_from_deg, reference.gamma_from_deg
-    chi = DEG * (f.chi_deg if chi_from is None else chi_from)
-    gamma = DEG * (f.gamma_deg if gamma_from is None else gamma_from)
+    chi, gamma = (DEG * x for x in reference.begins(f))
     end = scenario.stated_reference
     phi, n_z = f.phi_deg * DEG, f.n_z
     return Manoeuvre(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 
 from flighttune.base.arrays import FloatArray, check_positive
 from flighttune.base.errors import InputError
@@ -160,10 +161,11 @@ def residual_rates(
     return residual
 
 
-def residuals_of(model: ConformantModel, run: Run, start: base.FlightCondition) -> FloatArray:
+def residuals_of(
+    model: ConformantModel, signals: pd.DataFrame, start: base.FlightCondition
+) -> FloatArray:
     """`RESIDUALS` of a flight at every sample but the last, shape (n - 1, 4)."""
-    signals = run.signals
-    dt = run.duration / (len(signals) - 1)
+    dt = float(signals.index[-1]) / (len(signals) - 1)
     commands = signals[["phi_cmd", "n_z_cmd"]].to_numpy()
     angles = signals[["chi", "gamma"]].to_numpy()
     rates = residual_rates(model, dt, angles, commands, (start.phi, start.n_z_start))

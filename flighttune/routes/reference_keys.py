@@ -112,6 +112,10 @@ AirspeedSegment: TypeAlias = Annotated[
 ]
 
 
+# Key of the start of the reference, by channel
+FROM = {"chi": "chi_from_deg", "gamma": "gamma_from_deg"}
+
+
 class ReferenceTable(q.Table):
     """``[reference]``: a constant per channel, or segments added to the value of ``[flight]``."""
 
@@ -123,22 +127,45 @@ class ReferenceTable(q.Table):
     shape: Literal["feasible"] | None = None
     # Share of limits and rates reserved for the feedback; 0.2 if left out
     margin: Annotated[float, Field(ge=0.0, le=0.9)] | None = None
-    # Start of the feasible change; that of the flight if left out
+    # Start of the segments or of the feasible change; that of the flight if left out
     chi_from_deg: q.Course | None = None
-    # Start of the feasible change; that of the flight if left out
+    # Start of the segments or of the feasible change; that of the flight if left out
     gamma_from_deg: q.Inclination | None = None
 
     @model_validator(mode="after")
     def _of_one_shape(self) -> "ReferenceTable":
-        for key in ("margin", "chi_from_deg", "gamma_from_deg"):
-            if self.shape is None and getattr(self, key) is not None:
-                raise ValueError(f"`{key}` of [reference] must be given with shape feasible only")
+        if self.shape is None and self.margin is not None:
+            raise ValueError("`margin` of [reference] must be given with shape feasible only")
+        for channel, key in FROM.items():
+            if getattr(self, key) is not None and not self._changes(channel):
+                raise ValueError(
+                    f"`{key}` of [reference] must be absent where `{channel}_deg` is one number "
+                    "for the whole flight"
+                )
         for key in ("chi_deg", "gamma_deg"):
             if self.shape is not None and isinstance(getattr(self, key), list):
                 raise ValueError(f"`{key}` of [reference] must be a number with shape feasible")
         if self.shape is not None and self.V_mps is not None:
             raise ValueError("`V_mps` of [reference] must be absent with shape feasible")
         return self
+
+    def _changes(self, channel: str) -> bool:
+        """Whether the reference of a channel changes from a start."""
+        return self.shape is not None or isinstance(getattr(self, f"{channel}_deg"), list)
+
+    def begins(self, flight: FlightTable) -> tuple[float, float]:
+        """Course and path angle (deg) from which the reference changes."""
+        chi, gamma = self.chi_from_deg, self.gamma_from_deg
+        return (
+            flight.chi_deg if chi is None else chi,
+            flight.gamma_deg if gamma is None else gamma,
+        )
+
+    def beginning(self, flight: FlightTable) -> "ReferenceTable":
+        """The reference of this flight, which flights from other starts then share."""
+        begins = zip(FROM.items(), self.begins(flight), strict=True)
+        stated = {key: at for (channel, key), at in begins if self._changes(channel)}
+        return self.model_copy(update=stated)
 
     @property
     def segments(self) -> list[tuple[str, SegmentTable | AirspeedSegment]]:
@@ -181,7 +208,7 @@ class ReferenceTable(q.Table):
     def reference(self, flight: FlightTable) -> Reference:
         """The reference in s, rad and m/s, from the start of a flight on."""
         stated: tuple[Any, ...] = self.chi_deg, self.gamma_deg, self.V_mps
-        starts = flight.chi_deg, flight.gamma_deg, flight.V_a_mps
+        starts = *self.begins(flight), flight.V_a_mps
         (chi, on_chi), (gamma, on_gamma), (V, on_V) = (
             (start, tuple(x.segment() for x in own)) if isinstance(own, list) else (own, ())
             for own, start in zip(stated, starts, strict=True)

@@ -280,9 +280,8 @@ def worst(
     }
     with code.in_jsbsim():
         (run,) = fly(flight.scenario).runs
-    # The tube of an aircraft covers only flights with residual rates inside its boxes, which are
-    # counted.
-    proven = tube.problem.boxes is None and not tube.why_not(run)
+    # The tube of an aircraft covers only flights whose residual signals stay in their boxes.
+    proven = not (tube.why_not(run) or tube.no_claim(run))
     return replace(
         flight,
         ratio=bounds.ratios(run.signals),

@@ -263,7 +263,9 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
 
     for run, score in enumerate(counted.scores, start=counted.about.learned):
         flown = flying.fly_group(plan, plan.scenario_of(run), plan.groups[0])
-        signals = residuals_of(model, flown, conditions.start_condition(plan.scenario_of(run)))
+        signals = residuals_of(
+            model, flown.signals, conditions.start_condition(plan.scenario_of(run))
+        )
         residuals = dict(zip(counted.about.signals, signals.T, strict=True))
         assert bounds.contain(residuals) == (score <= counted.scale)
     units = [row["unit"] for row in counted.answer().tables[0].records]

@@ -1,10 +1,11 @@
 """The words of a distribution of flights: what a claim is about, with ranges and units."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
+from dispersed import AEROSONDE, KINEMATIC, WIND, campaign_of, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.claims import counted_flights
@@ -17,6 +18,8 @@ V_RAMP = {"chi_deg": 0.0, "gamma_deg": 0.0}
 V_RAMP["V_mps"] = [{"shape": "ramp", "start_s": 1.0, "duration_s": 1.5, "rate_mps2": 2.0}]
 
 MASS = {"key": "plant.airframe.mass_factor", "distribution": "log_normal", "median": 1.0}
+RAMP = {"shape": "ramp", "start_s": 0.5, "duration_s": 2.0, "rate_dps": 4.0}
+
 MASS["sd_log"] = 0.0487901642  # more digits than a reader compares
 
 
@@ -243,3 +246,33 @@ def test_five_drawn_keys_stand_in_the_sentence_and_a_key_without_its_table_is_re
 )
 def test_a_range_has_the_digits_that_it_deserves(values, unit, words):
     assert spread(values, unit) == words
+
+
+@pytest.mark.parametrize("reference", [[RAMP], []])
+def test_a_flight_is_one_of_those_counted_if_its_reference_begins_where_theirs_do(reference):
+    """The reference of a plan's starts stays in place; that of a campaign moves with each start."""
+    tables = tables_of(reference={"chi_deg": reference, "gamma_deg": 10.0})
+    scenario = ft.scenario_from(tables)
+    beside = ft.flights(scenario).starting(2.0).plan().campaign
+    moving = distribution(
+        uniform("flight.chi_deg", 18.0, 22.0), plants=[KINEMATIC], reference=tables["reference"]
+    )
+    beside = counted_flights.distribution_of(beside, "kinematic")
+
+    def counted(start, begin=None):
+        own = {"reference": tables["reference"] | ({"chi_from_deg": begin} if begin else {})}
+        own["flight"] = tables["flight"] | {"chi_deg": start}
+        flown = ft.scenario_from(tables | own)
+        plant = flown.plant[0]
+        found = [not known.not_counted(flown, plant) for known in (beside, moving)]
+        assert found == [not known.difference(flown, plant) for known in (beside, moving)]
+        return found
+
+    assert counted(20.0) == [True, True]
+    assert counted(21.0) == [False, True]
+    assert counted(21.0, 21.0) == [False, True]
+    assert counted(21.0, 20.0) == [True, False]
+    assert counted(23.0, 20.0) == [False, False]
+    assert (beside.reference_moves, moving.reference_moves) == (False, True)
+    assert beside.start_range(scenario, scenario.plant[0]) == pytest.approx(math.radians(2.0))
+    assert moving.start_range(scenario, scenario.plant[0]) is None

@@ -56,7 +56,7 @@ def test_the_airspeed_settles_at_its_floor_when_the_engine_fails(wind):
     assert run.status == "completed"
     assert run.signals["V_a"].min() > FLOOR - LAGS
     assert run.signals["V_a"].iloc[-1] == pytest.approx(FLOOR, abs=SETTLED)
-    assert given_way(run).any()
+    assert given_way(run.signals).any()
     (slow,) = ft.fly(level(ENGINE_FAILS, wind=wind, protected=False)).runs
     assert slow.signals["V_a"].min() < FLOOR - 1.0
 
@@ -119,7 +119,7 @@ def test_a_healthy_flight_keeps_its_bits():
         for x in (True, False)
     )
 
-    assert not given_way(kept).any()
+    assert not given_way(kept.signals).any()
     assert (kept.signals[[*plain.signals]].to_numpy() == plain.signals.to_numpy()).all()
     assert {*kept.signals} - {*plain.signals} == {"n_x", "n_x_min", "n_x_max", "gamma_given"}
 
@@ -143,7 +143,7 @@ def test_compiled_samples_give_way_as_the_plain_loop_does(monkeypatch, route, se
         flown += ft.fly(ft.scenario_from(tables)).runs
     compiled, plain = flown
 
-    assert given_way(plain).any()
+    assert given_way(plain.signals).any()
     assert (compiled.status, compiled.reason) == (plain.status, plain.reason)
     pd.testing.assert_frame_equal(compiled.signals, plain.signals, check_exact=True)
 

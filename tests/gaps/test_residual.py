@@ -39,7 +39,7 @@ def residuals(lags, disturbance):
     plant = ft.loop.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
     run = flown(SCENARIO, plant)
     model = residual.ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
-    return residual.residuals_of(model, run, START)
+    return residual.residuals_of(model, run.signals, START)
 
 
 @pytest.mark.parametrize(("roll", "load"), [*zip(LAGS, [*LAGS][::-1], strict=True)])
@@ -66,7 +66,7 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
     run = flown(SCENARIO, plant)
     model = residual.ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
-    found = residual.residuals_of(model, run, START)
+    found = residual.residuals_of(model, run.signals, START)
 
     # Both first-order lags, step by step.
     commands = run.signals["phi_cmd"].to_numpy()

@@ -535,6 +535,9 @@ def about(
     tables = scenario.as_dict()
     drawn: list[Dispersion] = []
     if start_deg:
+        if scenario.reference is not None:  # it stays where it is, so that flights begin beside it
+            begun = scenario.reference.beginning(scenario.flight)
+            tables["reference"] = begun.model_dump(mode="json", exclude_none=True)
         for key in ("flight.chi_deg", "flight.gamma_deg"):
             drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
     for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):

@@ -35,11 +35,14 @@ from flighttune.claims.tubes.sample import start_set
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.theory.exact import Verification
+from flighttune.flight.conditions import start_condition
 from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import ERRORS, Bounds, Kind, Run, RunClaim, given_way
 from flighttune.flight.scenario.load import scenario_from, scenario_of
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.residual import RESIDUALS
 from flighttune.vehicles.identification.file import changed_files, files_of
+from flighttune.vehicles.plant_keys import PlantTable
 
 # Reason if the problem's own flight leaves the tube
 LEFT = "a flight leaves the tube, so it is wrong and no file is written"
@@ -65,6 +68,9 @@ MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
 
 # Maximum numbers in a proof, which bound its time and memory; samples count per round.
 MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
+
+# Keys of a flight of an aircraft that a tube encloses as they are, but for two.
+ENCLOSED, IN_BOXES = ("flight.", "limits.", "controller."), ("flight.V_a_mps", "flight.h_m")
 
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
 EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
@@ -132,6 +138,29 @@ class CountedProbability:
         return f"{self._LEAVES[self.of]} with probability at most {chance}, confidence {sure}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """Flights that were flown against a tube; it claims nothing of those outside the boxes."""
+
+    flights: int  # own flight, from the corners of the starts, and `drawn` from random starts
+    drawn: int
+    outside_boxes: int
+    drawn_outside_boxes: int
+    leave: int  # inside their boxes, but outside the tube
+
+    @property
+    def sentence(self) -> str:
+        """What the flights of an aircraft did, in words."""
+        n, covered = self.flights, self.flights - self.outside_boxes
+        random = f" ({self.drawn} from random starts)" * bool(self.drawn)
+        of_these = f" ({self.drawn_outside_boxes} from random starts)" * bool(self.drawn)
+        return (
+            f"of {n} flight{'s' * (n != 1)} flown against the tube{random}, {covered} stayed in "
+            f"the boxes, and {self.leave} of these left the tube; {self.outside_boxes}{of_these} "
+            "left the boxes, and the tube claims nothing of them"
+        )
+
+
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Answering):
@@ -157,6 +186,8 @@ class Tube(Answering):
         Choices that shorten the proof: slopes, splits and removed symbols.
     hand_over : HandOver or None
         Invariant set of the flights; None if no such set was found.
+    flown : Flown or None
+        Flights that were flown against it; None for a tube from a file.
     files : mapping of str to str
         For a tube from a file: SHA-256 of the files of its aircraft or identified model, by name.
 
@@ -176,6 +207,7 @@ class Tube(Answering):
     settings: Settings
     chosen: npt.NDArray[np.float32]
     hand_over: HandOver | None = None
+    flown: Flown | None = None
     files: Mapping[str, str] = field(default_factory=dict)
 
     kind: ClassVar[Kind] = "proven"
@@ -245,17 +277,28 @@ class Tube(Answering):
             return f"its law must be {problem.law.name}, got {made.law.name}"
         if not np.array_equal(made.gains.K, problem.gains.K):
             return "its gains must be those of the tube, got others"
-        if given_way(run).any():
+        if given_way(run.signals).any():
             return "speed had priority in it, which the model of the tube does not know"
         scenario = scenario_of(run)
         plant, counted = scenario.plant_table(made.plant), problem.band
         if (plant.kind, plant.aircraft) != (problem.table.kind, problem.table.aircraft):
             return f"its plant must be {problem.plant}, got {made.plant}"
-        if counted is not None:
-            return counted.flights.distribution.difference(scenario, plant) or ""
+        if counted is not None and (
+            why := counted.flights.distribution.difference(scenario, plant)
+        ):
+            return why
+        return self._difference(scenario, plant)
+
+    def _difference(self, scenario: Scenario, plant: PlantTable) -> str:
+        """Why flights of a scenario are not of the tube, besides the boxes; empty if they are."""
+        problem = self.problem
         flown = flown_values(scenario, plant)
         enclosed = flown_values(problem.scenario, problem.table)
         for key in dict.fromkeys([*flown, *enclosed]):
+            # Air and airframe, airspeed and height act by residual signals, which have boxes.
+            boxed = not key.startswith(ENCLOSED) or key in IN_BOXES
+            if problem.band is not None and boxed:
+                continue
             if not self._allows(key, flown.get(key), enclosed.get(key)):
                 return f"`{key}` must be {enclosed.get(key)!r}, got {flown.get(key)!r}"
         reference = reference_samples(scenario, plant)
@@ -289,7 +332,16 @@ class Tube(Answering):
             sentence=self.sentence,
             bounds=self.bounds.of(ERRORS).lasting(run.t),
             units=dict.fromkeys(ERRORS, "rad"),
+            no_claim=self.no_claim(run),
         )
+
+    def no_claim(self, run: Run) -> str:
+        """Why the tube does not cover a flight of the scenario, by what it did; empty if it does.
+
+        That an aircraft keeps the boxes of its residual signals is counted and not proven.
+        """
+        outside = self.problem.outside_boxes(run.signals, start_condition(scenario_of(run)))
+        return outside and f"{outside}, and the tube is of flights inside the boxes"
 
     def verify(self) -> Verification:
         """Prove every sample again from the choices in the tube, without a search."""

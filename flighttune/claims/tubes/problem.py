@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from flighttune.base.arrays import FloatArray, check_positive
 from flighttune.base.errors import InputError
@@ -23,12 +24,14 @@ from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.flight.conditions import lead_on, reference_of
 from flighttune.flight.entry import Entry
-from flighttune.flight.loop.run import Bounds
+from flighttune.flight.loop.run import Bounds, given_way
 from flighttune.flight.models import law_setup
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.gaps.residual import ConformantModel, residuals_of
 from flighttune.routes import feasible, segments
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants import base, weather
+from flighttune.vehicles.plants.base import FlightCondition
 
 # Quantities that a tube bounds: errors in rad, commands in rad and 1
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
@@ -220,6 +223,16 @@ class TubeProblem:
                 )
         if why := counted.distribution.difference(scenario, plant):
             raise InputError(f"boxes: must be of the flights of the scenario: {why}.")
+        if self.start and counted.distribution.reference_moves:
+            raise InputError(
+                "boxes: must be of flights that begin beside the reference of the scenario, got "
+                "flights whose references begin at their own starts: count them again."
+            )
+        if (V_a := scenario.flight.V_a_mps) != band.model.V_a:
+            raise InputError(
+                f"boxes: `flight.V_a_mps` must be that of their model, {band.model.V_a:g} m/s, got "
+                f"{V_a:g} m/s."
+            )
         flight, start_deg = flown_values(scenario, plant), math.degrees(self.start)
         for key in STARTS if self.start else ():
             low, *_, high = counted.distribution.dispersed.get(key, 2 * [flight[key]])
@@ -256,6 +269,36 @@ class TubeProblem:
         within = self._swing if self.disturbance is None else (self.disturbance, self.disturbance)
         high = np.tile(within, (len(self.t), 1))
         return -high, high
+
+    @cached_property
+    def conformant(self) -> ConformantModel | None:
+        """The model of an aircraft's residual signals; None for another plant."""
+        flight, boxes = self.scenario.flight, self.boxes
+        if boxes is None:
+            return None
+        phi, n_z = boxes.lags
+        return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=(phi, n_z))
+
+    def outside_boxes(self, signals: pd.DataFrame, start: FlightCondition) -> str:
+        """Where the residual signals of a flight leave their boxes; empty if they do not.
+
+        The tube of an aircraft is of flights inside its boxes alone.
+        """
+        model, boxes = self.conformant, self.boxes
+        if model is None or boxes is None:
+            return ""
+        if len(signals) < len(self.t):
+            return f"it ends at {signals.index[-1]:.2f} s"
+        if given_way(signals).any():
+            return "speed has priority in it"
+        # Roll is part of the model only if the controller sees it.
+        used = self.loop.boxes.shape[1]
+        values, bounds = residuals_of(model, signals, start)[:, :used], boxes.bounds.pairs[:-1]
+        outside = (values < bounds[:, :used, 0]) | (values > bounds[:, :used, 1])
+        if not outside.any():
+            return ""
+        sample, signal = np.argwhere(outside)[0].tolist()
+        return f"its {boxes.bounds.names[signal]} leaves its box at {self.t[sample]:.2f} s"
 
     @property
     def limits(self) -> Limits:

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import binom
 
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InfeasibleError
+from flighttune.base.words import number
 from flighttune.claims.residual import Residual
 from flighttune.claims.tubes import exact, interval, proof, sample
-from flighttune.claims.tubes.enclosure import LEFT, Settings, Tube, bounds_of
+from flighttune.claims.tubes.enclosure import LEFT, Flown, Settings, Tube, bounds_of
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, enclosed_plant, tube_problem
 from flighttune.claims.tubes.search import Search, coordinates, settled_set
 from flighttune.control.gains import PIGains
@@ -24,6 +26,9 @@ from flighttune.flight.scenario.schema import Scenario
 
 # Maximum doubling time of the width of a set that is about to be lost, s
 DOUBLING = 0.2
+
+# Number of flights of an aircraft from random starts against its boxes
+RANDOM_STARTS = 8
 
 # Trial disturbances, rad/s: all numbers of two digits
 DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
@@ -63,11 +68,35 @@ def largest_disturbance(
 
 
 def enclosed(problem: TubeProblem, progress: Callable[[float], None] | None = None) -> Tube:
-    """The tube of a problem; a flight that leaves it makes it unbounded."""
+    """The tube of a problem; flights that contradict it or its boxes make it unbounded."""
     enclosure = tube_of(problem, progress=progress)
-    if flights_inside(enclosure):
-        return enclosure
-    return replace(enclosure, status="unbounded", reason=LEFT)
+    flown = flights_against(enclosure)
+    enclosure = replace(enclosure, flown=flown)
+    reason = LEFT if flown.leave else boxes_refuted(enclosure, flown)
+    return replace(enclosure, status="unbounded", reason=reason) if reason else enclosure
+
+
+def boxes_refuted(enclosure: Tube, flown: Flown) -> str:
+    """Why the boxes of an aircraft do not hold in its flights; empty if they may.
+
+    A flight outside its boxes is no flight of the tube and does not contradict it. But a count
+    claims how rare such flights are.
+    """
+    counted, left = enclosure.probability, flown.drawn_outside_boxes
+    if counted is not None and counted.of == "flight":
+        chance = binom.sf(left - 1, flown.drawn, counted.at_most)
+        if chance < 1.0 - counted.confidence:
+            return (
+                f"{left} of {flown.drawn} flights from random starts leave the boxes, which a "
+                f"flight leaves with probability at most {number(counted.at_most)} by their count: "
+                "the boxes are wrong and no file is written"
+            )
+    if flown.outside_boxes == flown.flights:
+        who = "the scenario's flight leaves its"
+        if flown.flights > 1:
+            who = f"all {flown.flights} flights from its starts leave their"
+        return f"{who} boxes, so the tube covers none that was flown and no file is written"
+    return ""
 
 
 def stated_problem(
@@ -190,20 +219,35 @@ def _attempt(
     )
 
 
-def flights_inside(enclosure: Tube) -> bool:
-    """Whether the scenario's own flight and flights from the corners of the starts are inside."""
+def flights_against(enclosure: Tube) -> Flown:
+    """Fly the scenario's own flight, the corners of the starts and some starts at random."""
+    problem = enclosure.problem
+    corners = sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)})
+    counted = problem.boxes is not None and problem.start > 0.0
+    rng = np.random.default_rng(problem.scenario.seed)
+    drawn = rng.uniform(-problem.start, problem.start, (RANDOM_STARTS * counted, 2)).tolist()
+    flown = [_against(enclosure, *start) for start in (*corners, *drawn)]
+    return Flown(
+        flights=len(flown),
+        drawn=len(drawn),
+        outside_boxes=sum(not in_boxes for in_boxes, _ in flown),
+        drawn_outside_boxes=sum(not in_boxes for in_boxes, _ in flown[len(corners) :]),
+        # An unbounded tube is compared as far as it extends.
+        leave=sum(in_boxes and not inside for in_boxes, inside in flown),
+    )
+
+
+def _against(enclosure: Tube, chi: float, gamma: float) -> tuple[bool, bool]:
+    """Whether a flight from a start stays in its boxes, and inside the tube."""
     problem, entry = enclosure.problem, enclosure.problem.entry
-    condition = entry.condition
-    # An unbounded tube is compared as far as it extends.
-    for chi, gamma in sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}):
-        signals, _ = simulate(
-            fly.plant_of(entry.plant, entry.scenario),
-            problem.controller(),
-            entry.reference,
-            condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
-            duration=entry.scenario.flight.duration_s,
-            lead=entry.lead,
-        )
-        if not enclosure.bounds.contain(signals):
-            return False
-    return True
+    start = entry.condition
+    start = replace(start, chi=start.chi + chi, gamma=start.gamma + gamma)
+    signals, _ = simulate(
+        fly.plant_of(entry.plant, entry.scenario),
+        problem.controller(),
+        entry.reference,
+        condition=start,
+        duration=entry.scenario.flight.duration_s,
+        lead=entry.lead,
+    )
+    return not problem.outside_boxes(signals, start), enclosure.bounds.contain(signals)

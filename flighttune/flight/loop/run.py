@@ -305,11 +305,11 @@ def claimed_along(run: Run, signal: str, s: FloatArray) -> Iterator[FloatArray]:
         yield np.array([np.interp(s, along_route(run), end) for end in ends])
 
 
-def given_way(run: Run) -> FloatArray:
-    """What the airspeed took from the path angle at each sample, rad."""
-    if "gamma_given" not in run.signals:
-        return np.zeros(len(run.signals))
-    less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
+def given_way(signals: pd.DataFrame) -> FloatArray:
+    """What the airspeed took from the path angle at each sample of a flight, rad."""
+    if "gamma_given" not in signals:
+        return np.zeros(len(signals))
+    less = (signals["gamma_ref"] - signals["gamma_given"]).to_numpy()
     return np.where(less > GIVEN_WAY, less, 0.0)
 
 

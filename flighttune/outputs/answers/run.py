@@ -29,7 +29,7 @@ def priority_notes(runs: Iterable[Run]) -> list[str]:
     """Time of airspeed priority in a run, and its effect on the path angle."""
     notes = []
     for run in runs:
-        less = given_way(run)
+        less = given_way(run.signals)
         gave_way = less > 0.0
         if gave_way.any():
             t, share = run.t[gave_way], 100.0 * float(np.mean(gave_way))

@@ -1,5 +1,6 @@
 """The answers of a tube, and of a search for the largest disturbance."""
 
+from dataclasses import asdict
 from typing import Any
 
 from flighttune.base.signals import CHANNEL_SYMBOLS
@@ -41,6 +42,7 @@ def answer(tube: Tube, gains: str = "") -> Answer:
         values={
             **pick(tube, "status reason probability sentence"),
             "inside": tube.reason != LEFT,
+            "flown": tube.flown and asdict(tube.flown),
             "model": problem.model,
             "half_width_deg": widths,
             "limits_can_hold": {
@@ -118,6 +120,7 @@ def notes(tube: Tube) -> list[str]:
         )
     if problem.band is not None:
         told.append(f"counted: {problem.band.sentence}")
+        told += [tube.flown.sentence] if tube.flown else []
         told.append("Check the boxes too: flighttune verify PROOF --boxes FILE")
     if problem.disturbance and problem.disturbance == residual_of_logs(problem.table):
         evidence = problem.table.identified_model.log

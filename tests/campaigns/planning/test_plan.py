@@ -7,7 +7,9 @@ from dataclasses import replace
 from itertools import permutations
 
 import dispersed
+import numpy as np
 import pytest
+from dispersed import tables_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
@@ -15,6 +17,7 @@ from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 import flighttune as ft
 from flighttune import load_scenario
 from flighttune.campaigns.planning.plan import plan_from
+from flighttune.flight.conditions import reference_of
 
 LEVEL_TURN = load_scenario("level_turn")
 SPEED = {"key": "flight.V_a_mps", "distribution": "uniform", "lower": 24.0, "upper": 26.0}
@@ -234,6 +237,38 @@ def test_gains_stay_tuned_on_the_aircraft_where_the_law_alone_flies():
 
     (law,), (there,) = alone.gain_sets.values(), aircraft.gain_sets.values()
     assert law.as_lists() == there.as_lists()
+
+
+RAMP = {"shape": "ramp", "start_s": 0.5, "duration_s": 2.0, "rate_dps": 4.0}
+STEP = {"shape": "step", "start_s": 1.0, "change_deg": 3.0}
+DOUBLET = {"shape": "doublet", "start_s": 0.5, "width_s": 0.5, "amplitude_deg": 2.0}
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        {"chi_deg": [RAMP, STEP], "gamma_deg": [DOUBLET]},
+        {"chi_deg": 25.0, "gamma_deg": [RAMP]},
+        {"chi_deg": [STEP], "gamma_deg": 12.0},
+        {"chi_deg": [], "gamma_deg": 12.0},
+        {"chi_deg": [RAMP], "gamma_deg": [STEP], "chi_from_deg": 18.0},
+        {"chi_deg": 22.0, "gamma_deg": 11.0},
+        {"chi_deg": 22.0, "gamma_deg": 11.0, "shape": "feasible"},
+        {"chi_deg": 22.0, "gamma_deg": 11.0, "shape": "feasible", "gamma_from_deg": 9.0},
+    ],
+)
+def test_flights_from_drawn_starts_follow_the_reference_of_their_scenario(reference):
+    scenario = ft.scenario_from(tables_of(reference=reference))
+    plan = ft.flights(scenario).starting(2.0).plan(gains="paper").with_runs(6)
+    t = np.linspace(0.0, 3.0, 31)
+
+    flown = [plan.scenario_of(draw) for draw in range(3)]
+
+    assert len({one.flight.chi_deg for one in (scenario, *flown)}) == 4
+    assert len({one.flight.gamma_deg for one in (scenario, *flown)}) == 4
+    for one in flown:
+        expected, found = (reference_of(x).sampled(t) for x in (scenario, one))
+        assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize("design", ["random", "latin_hypercube", "sobol"])

@@ -43,7 +43,8 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     found = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario), for_ever=False)
 
     assert found.status == "bounded"
-    assert tubes.flights_inside(found)
+    flown = tubes.flights_against(found)
+    assert (flown.outside_boxes, flown.leave) == (0, 0)
     assert "probability at most 0.05" in found.problem.model
     assert "with probability at most 0.05" in found.answer().notes[-1]
     found.save(tmp_path / "tube.npz")
@@ -281,10 +282,10 @@ def test_boxes_and_an_aircraft_go_together(proof, tmp_path, arrays, claim, words
 
 
 @pytest.mark.slow
-def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
+def test_flights_outside_their_boxes_are_against_the_boxes_and_not_against_the_tube(tmp_path):
     scenario = aircraft_scenario(duration_s=0.3, ramp_dps=1.0)
     path = scenario_file(tmp_path / "flight.toml", scenario)
-    # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
+    # The aircraft leaves boxes that are this narrow.
     counted_boxes(scenario, half_width=1e-7).save(tmp_path / "boxes.npz")
     options = "--gains", "paper", "--boxes", tmp_path / "boxes.npz"
 
@@ -292,9 +293,62 @@ def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
         "tube", path, *options, "--out", tmp_path / "tube.npz", "--json", status=1
     )
 
-    assert json.loads(stdout)["inside"] is False
-    assert "a flight leaves the tube" in stderr
+    found = json.loads(stdout)
+    assert (found["inside"], found["flown"]["outside_boxes"]) == (True, 1)
+    assert "boxes" in stderr
+    assert "tube, so it is wrong" not in stderr
     assert not list(tmp_path.glob("tube.*"))
+
+
+BESIDE = uniform("flight.chi_deg", 3.0, 5.0), uniform("flight.gamma_deg", -1.0, 1.0)
+
+
+@pytest.mark.slow
+def test_a_flight_is_judged_by_a_tube_as_far_as_the_tube_claims_something_of_it():
+    """The boxes are wide, or so narrow that every flight leaves them."""
+    scenario = aircraft_scenario(duration_s=0.1)
+    wide, narrow = (counted_boxes(scenario, half, ROLL, *BESIDE) for half in (WIDE, 1e-7))
+    of_wide, of_narrow = (
+        tube(scenario, ft.PAPER_GAINS, band=boxes, start=np.deg2rad(0.5), for_ever=False)
+        for boxes in (wide, narrow)
+    )
+    wrong = replace(of_wide, bounds=replace(of_wide.bounds, high=of_wide.bounds.low))
+    lost = replace(of_narrow, bounds=replace(of_narrow.bounds, high=of_narrow.bounds.low))
+
+    flown = [tubes.flights_against(one) for one in (of_wide, wrong, lost)]
+    assert [(one.flights, one.drawn) for one in flown] == [(13, 8)] * 3
+    assert [(one.outside_boxes, one.leave) for one in flown] == [(0, 0), (0, 13), (13, 0)]
+    assert [bool(tubes.boxes_refuted(of_wide, one)) for one in flown] == [False, False, True]
+
+    (run,) = ft.fly(scenario, gains=["paper"]).runs
+    for found, claimed, inside in (
+        (of_wide, True, True),
+        (wrong, True, False),
+        (lost, False, False),
+    ):
+        assert not found.why_not(run)
+        claim = found.on(run)
+        assert (not claim.no_claim, claim.contains(run.signals)) == (claimed, inside)
+    start = {**scenario.as_dict()["flight"], "chi_deg": 4.9}
+    far = ft.scenario_from(scenario.as_dict() | {"flight": start})
+    (far,) = ft.fly(far, gains=["paper"]).runs
+    assert "flight.chi_deg" in of_wide.why_not(far)
+
+
+@pytest.mark.soak
+def test_the_tube_of_starts_beside_ramps_is_of_the_flights_that_its_boxes_were_counted_on():
+    scenario = aircraft_scenario(duration_s=1.2, ramp_dps=3.0, feed_forward=True)
+    few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "flights": 22, "start_deg": 1.0}
+
+    found = tube(
+        scenario, ft.PAPER_GAINS, band=ft.residual(scenario, gains="paper", **few),
+        start=np.deg2rad(1.0), for_ever=False,
+    )  # fmt: skip
+
+    flown = tubes.flights_against(found)
+    assert found.probability.of == "flight"
+    assert (flown.leave, tubes.boxes_refuted(found, flown)) == (0, "")
+    assert flown.drawn_outside_boxes < flown.drawn
 
 
 FLIGHTS = 4

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -112,27 +111,28 @@ def test_starts_are_within_an_eighth_of_a_turn():
         tubes.stated_problem(tube_scenario(), ft.PAPER_GAINS, start=-0.01)
 
 
-@pytest.mark.parametrize("outside", [None, (0.0, 0.0), (-0.05, 0.05), (0.05, -0.05)])
-def test_flights_from_the_middle_and_all_corners_of_the_starts_must_be_inside(monkeypatch, outside):
-    problem, flown = tubes.stated_problem(tube_scenario(), ft.PAPER_GAINS, start=0.05), set()
-    middle = problem.entry.condition
+@pytest.mark.parametrize(
+    ("start", "places"), [(0.0, {(0, 0)}), (0.05, {(0, 0), *product((-1, 1), repeat=2)})]
+)
+def test_flights_from_the_middle_and_all_corners_of_the_starts_must_be_inside(start, places):
+    enclosure = tube(tube_scenario(duration_s=0.1), ft.PAPER_GAINS, start=start, for_ever=False)
+    middle = enclosure.bounds.pairs[0].mean(axis=1)
 
-    def simulate(*_, condition, **__):
-        return (
-            round(condition.chi - middle.chi, 9),
-            round(condition.gamma - middle.gamma, 9),
-        ), None
+    def leaving(bounds):
+        flown = tubes.flights_against(replace(enclosure, bounds=bounds))
+        assert (flown.flights, flown.drawn, flown.outside_boxes) == (len(places), 0, 0)
+        return flown.leave
 
-    def contain(off):
-        flown.add(off)
-        return off != outside
-
-    monkeypatch.setattr(tubes, "simulate", simulate)
-    enclosure = SimpleNamespace(problem=problem, bounds=SimpleNamespace(contain=contain))
-
-    assert tubes.flights_inside(enclosure) == (outside is None)
-    if outside is None:
-        assert flown == {(0.0, 0.0), *product((-0.05, 0.05), repeat=2)}
+    assert leaving(enclosure.bounds) == 0
+    for chi, gamma in places:
+        low, high = enclosure.bounds.low.copy(), enclosure.bounds.high.copy()
+        # Without this corner of the starts
+        for i, side in enumerate((-chi, -gamma)):  # an error is the reference minus the angle
+            if side:
+                (high if side > 0 else low)[0, i] = middle[i] + 0.5 * side * start
+        if (chi, gamma) == (0, 0):
+            low[0, 0] = middle[0] + 1e-4 + start
+        assert leaving(replace(enclosure.bounds, low=low, high=high)) >= 1
 
 
 def test_a_route_has_no_tube():

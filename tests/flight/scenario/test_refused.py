@@ -31,6 +31,7 @@ KEYS = [
     ({"limits": {"phi_rate_dps": [3.0, 5.0]}}, "`phi_rate_dps` must be a range of rates"),
     ({"controller": {"anti_windup": "clamp"}}, "must be 'none', 'conditional' or 'back_calc"),
     ({"reference": {"chi_deg": [{"shape": "jump"}]}}, "'shape' .*'doublet'"),
+    ({"reference": {"chi_deg": 5.0, "chi_from_deg": 3.0}}, "`chi_from_deg` .* must be absent"),
     ({"reference": {"gamma_deg": [{"shape": "step", "start_s": 99.0, "change_deg": 5.0}]}},
      r"\[reference\.gamma_deg\] `start_s` must lie before the end of the flight .*, got 99 s\.$"),
     ({"gains": ["paper", "paper"]}, "`gains` must not name anything twice"),
