@@ -1,12 +1,14 @@
 """Rows of flights, written while they are flown, so that the same command goes on after a kill."""
 
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.errors import InputError, OutputError, keeping
+from flighttune.base.files import owned
 from flighttune.base.files.whole import allowed, apart, made_folder, write_text
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import Row
@@ -34,7 +36,7 @@ class KeptRows:
         if self._rows:
             pool.observer.hear(f"{file}: {len(self)} flights are flown already.")
             pool.progress.add([*self._rows.values()])
-        if file.exists():
+        if os.path.lexists(file):
             with apart():  # written anew, as a killed command may have left half of a line
                 write_text(file, "".join(self._line(*x) for x in self._rows.items()))
 
@@ -66,7 +68,8 @@ class KeptRows:
             with (
                 keeping(self._file),
                 allowed(self._file, "writable", OutputError),
-                self._file.open("a", encoding="utf-8") as file,
+                owned.appended(self._file) as opened,
+                open(opened, "a", encoding="utf-8", closefd=False) as file,
             ):
                 for row in rows:
                     place = of_plan, row["run"]
@@ -87,7 +90,9 @@ class KeptRows:
         return _text({"of": self._of, "plan": place[0], "row": row}) + "\n"
 
     def _read(self, file: Path) -> None:
-        """Take the rows of the command from the file; none after a damaged line."""
+        """Take the rows of the command from the user's own file; none after a damaged line."""
+        if not owned.is_believed(file):
+            return
         try:
             for line in file.read_text(encoding="utf-8").splitlines():
                 kept = json.loads(line)
