@@ -192,7 +192,7 @@ class Dataset:
     def remove(self, name: str) -> None:
         """Remove a file, named by its path in the folder; OutputError if it cannot be."""
         path = self.folder / name
-        owned.check_links(path, self.folder)
+        owned.check_inside(path, self.folder)
         with allowed(path, "removable", OutputError):
             path.unlink(missing_ok=True)
 
@@ -211,7 +211,7 @@ class Dataset:
     def _write(self, name: str, data: bytes) -> None:
         """Write a file completely or not at all: it gets its final name when it is finished."""
         for path in (self.folder / name, self.folder / WRITING / name):
-            owned.check_links(path, self.folder)
+            owned.check_inside(path, self.folder)
         with whole_file(self.folder / name, self.folder / WRITING) as unfinished:
             unfinished.write_bytes(data)
 

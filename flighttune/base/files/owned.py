@@ -47,11 +47,13 @@ def is_my_file(path: Path) -> bool:
     return False
 
 
-def check_links(path: Path, folder: Path) -> None:
-    """Refuse a file to write or remove if another user's link leads to it from a folder."""
-    for below in path.parents[: len(path.relative_to(folder).parts) - 1]:
-        if FORKS and os.path.islink(below) and os.lstat(below).st_uid != os.geteuid():
-            raise OutputError(f"{below}: must be a folder, got a link of another user.")
+def check_inside(path: Path, folder: Path) -> None:
+    """Refuse a file to write or remove below a folder if a link leads to another place.
+
+    The folder is what the user named, and may be packed by somebody else.
+    """
+    if not Path(os.path.realpath(path.parent)).is_relative_to(os.path.realpath(folder)):
+        raise OutputError(f"{path.parent}: must be inside {folder}, got a link out of it.")
 
 
 @contextmanager

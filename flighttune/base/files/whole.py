@@ -133,7 +133,7 @@ class _Answer:
             if below.is_relative_to(inside := os.path.realpath(folder)):
                 return folder, below.relative_to(inside) / path.name
             if path.is_relative_to(folder):
-                owned.check_links(path, folder)
+                owned.check_inside(path, folder)
         return below, Path(path.name)
 
     def put_in_place(self) -> None:
