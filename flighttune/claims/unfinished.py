@@ -58,7 +58,7 @@ class Unfinished:
             return count
         if not owned.is_believed(self.file):
             observer.hear(
-                f"{self.file}: is not of this user alone: it is counted from the beginning."
+                f"{self.file}: must be a file of this user alone: it is counted from the beginning."
             )
             return count
         try:

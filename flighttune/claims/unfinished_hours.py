@@ -45,7 +45,7 @@ class KeptTerms:
             return
         try:
             if not owned.is_believed(file):
-                raise InputError(f"{file}: is of another user.")
+                raise InputError(f"{file}: must be a file of this user alone.")
             kept = read(file, UnfinishedHours)
             if tables_of(replace(kept, terms=())) != tables_of(self._claim):
                 raise InputError(f"{file}: its flights belong to another count.")

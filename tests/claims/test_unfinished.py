@@ -114,7 +114,7 @@ def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(left, tmp_path):
         ({}, "9 flights are counted already."),
         ({"seed": 7}, "its flights belong to another count: it is counted from the beginning."),
         ("damaged", "must be a band file"),
-        ("open", "is of another user"),
+        ("open", "must be a file of this user alone"),
     ],
 )
 def test_a_stopped_count_goes_on_with_its_flights_alone(tmp_path, monkeypatch, other, said):
