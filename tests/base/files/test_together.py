@@ -285,3 +285,17 @@ def test_a_command_ended_at_any_operation_leaves_one_answer(tmp_path, name, sign
     kinds = [check_end(end, old, ours) for end in ends]
     assert {*kinds} == {False, True}
     assert len(ends) > (2 if every > 1 else 10), json.dumps(ends[-1])
+
+
+@pytest.mark.soak
+def test_a_new_scenario_has_its_schema_wherever_its_command_is_killed(tmp_path):
+    out, ours = tmp_path / "out", ("turn.toml", ".flighttune/scenario.json")
+
+    ends = each_end(out, tmp_path / "none", ["new", out / "turn"])
+
+    assert len(ends) > 5
+    assert {tuple(name in end["settled"] for name in ours) for end in ends} == {
+        (False, False), (True, True)
+    }  # fmt: skip
+    for end in ends:  # as it was left
+        assert (ours[0] not in end["left"]) or ours[1] in end["left"], end["at"]
