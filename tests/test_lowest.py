@@ -10,8 +10,6 @@ import pytest
 from bounds import uv
 from places import ROOT
 
-from flighttune.base import errors
-
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"].keys() - {"dev", "docs"}  # which fly nothing
@@ -27,8 +25,10 @@ PYTHON = "\n".join(re.findall(r"```python\n(.*?)```", README, re.DOTALL))
 
 # In one process: to import all that a command needs for each would take half of the time.
 FLOWN = f"""
-import shlex, sys
-{"".join(f"import {module}; " for module in errors.EXTRAS)}
+import importlib, shlex, sys
+from flighttune.base.errors import EXTRAS
+for module in EXTRAS:
+    importlib.import_module(module)
 from flighttune.cli import main
 for command, no in {COMMANDS}:
     sys.argv = shlex.split(command)

@@ -11,13 +11,12 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from commands import flighttune
 from fuzzing import in_child
 from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.base.files import whole
-from flighttune.base.files.owned import appended, believed_bytes, is_believed, own_folder
-from flighttune.flight.new import new_scenario
+from flighttune.base.files import owned, whole
 
 ME, OTHER, LONG_AGO = 1234, 65534, (0.0, 0.0)
 
@@ -95,7 +94,7 @@ COMMANDS = {
     "reads": lambda x: (ft.load_scenario(x / "turn.toml"), ft.load(x / "turn.toml")),
     "writes a file": lambda x: whole.write_text(x / "one.txt", "one"),
     "writes an answer": two_files,
-    "writes a scenario": lambda x: new_scenario(str(x / "mine"), aircraft="aerosonde"),
+    "writes a scenario": lambda x: flighttune("new", x / "mine", status=None),
 }
 
 
@@ -160,15 +159,14 @@ def test_what_stands_in_a_shared_folder_changes_no_file_of_mine(shared, put, pac
     given_to(me, home, *([] if packed else mine))
     before = files_of(home) | ({} if packed else files_of(shared))
 
-    def run(command):
+    def run():
         os.setgroups([])
         os.setresgid(me, me, me)
         os.setresuid(me, me, me)
-        tried(command, shared)
+        for command in COMMANDS.values():
+            tried(command, shared)
 
-    for name, command in COMMANDS.items():
-        assert in_child(lambda x=command: run(x), 10.0, 8 << 30) == "", name
-
+    assert in_child(run, 30.0, 8 << 30) == ""
     after = files_of(shared.parent)
     assert {name: after.get(name) for name in before} == before
 
@@ -204,13 +202,13 @@ def test_of_what_is_read_back_only_files_of_mine_are_believed(shared, make, beli
     make(folder / "kept")
     before = files_of(folder)
 
-    assert is_believed(folder / "kept") == believed
+    assert owned.is_believed(folder / "kept") == believed
     if believed:
-        assert believed_bytes(folder / "kept") == b"theirs"
+        assert owned.believed_bytes(folder / "kept") == b"theirs"
         given_to(OTHER, folder)
     with pytest.raises(OSError):  # noqa: PT011
-        believed_bytes(folder / "kept")
-    with suppress(OSError), appended(folder / "kept") as file:
+        owned.believed_bytes(folder / "kept")
+    with suppress(OSError), owned.appended(folder / "kept") as file:
         os.write(file, b"more")
     after = files_of(folder)
     changed = {name for name in before if after[name][2] != before[name][2]}
@@ -236,8 +234,8 @@ def test_a_folder_of_a_cache_is_mine_and_nothing_else_is_changed(shared, make, a
     before = files_of(shared.parent)
 
     with pytest.raises(OSError):  # noqa: PT011
-        own_folder(shared, *names)
+        owned.own_folder(shared, *names)
     assert files_of(shared.parent) == before
 
-    fresh = own_folder(shared / "victim", *names)
+    fresh = owned.own_folder(shared / "victim", *names)
     assert {stat.S_IMODE(os.stat(x).st_mode) for x in (fresh, fresh.parent)} == {0o700}
