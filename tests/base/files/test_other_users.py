@@ -59,6 +59,7 @@ def further_folder(folder):
 
 
 PUT = {
+    "nothing": lambda x: None,
     "an answer": answer,
     "an answer that everybody can change": lambda x: answer(x, mode=0o777),
     "an answer without a mark": lambda x: answer(x, mark=False),
@@ -169,6 +170,8 @@ def test_what_stands_in_a_shared_folder_changes_no_file_of_mine(shared, put, pac
     assert in_child(run, 30.0, 8 << 30) == ""
     after = files_of(shared.parent)
     assert {name: after.get(name) for name in before} == before
+    if put is PUT["nothing"]:
+        assert {"one.txt", "two.txt", "mine.toml", ".flighttune"} <= {*os.listdir(shared)}
 
 
 @pytest.mark.parametrize("name", [".flighttune-x", whole.WHOLE])
