@@ -15,7 +15,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-EVENTS = {"open", "os.rename", "os.remove", "os.mkdir", "os.rmdir"}
+# Operations, and where their arguments have the open folder from which their path begins.
+EVENTS = {"open": None, "os.rename": 2, "os.remove": 1, "os.mkdir": 2, "os.rmdir": 1}
 
 
 class Ends:
@@ -30,7 +31,12 @@ class Ends:
             os.kill(os.getpid(), self.number)
 
     def hook(self, event, arguments):
-        if event not in EVENTS or not str(arguments[0]).startswith(self.folder):
+        if event not in EVENTS:
+            return
+        path, place = arguments[0], EVENTS[event]
+        if place and (inside := arguments[place]) >= 0:
+            path = Path(os.readlink(f"/proc/self/fd/{inside}"), path)
+        if not str(path).startswith(self.folder):
             return
         if event != "open" or arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
             self.step()

@@ -1,5 +1,8 @@
 """A feature whose packages are not installed: one line that names the extra."""
 
+import os
+import re
+import subprocess
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
@@ -44,6 +47,28 @@ def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, 
     reason = said.splitlines()[-1]  # the progress of the campaign may stand above it
     assert reason.startswith("flighttune: this command needs dask; ")
     assert "'flighttune[cluster]'" in reason
+
+
+FAILS = 'raise ImportError("\\nits core failed to import")'
+SAYS = 'import sys; sys.stderr.write("compiled using NumPy 1.x, with a traceback"); '
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("library", ["shapely", "scipy", "jsbsim", "pyarrow", "rerun"])
+def test_a_library_that_cannot_be_imported_is_named_in_one_line(library, tmp_path):
+    """Not as a lack of memory, and without what NumPy prints of it."""
+    (tmp_path / library).mkdir()
+    (tmp_path / library / "__init__.py").write_text(SAYS * (library == "shapely") + FAILS)
+
+    done = subprocess.run(
+        [sys.executable, "-m", "flighttune", "fly", "paper"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)}, cwd=tmp_path,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2
+    assert re.match(rf"flighttune: {library}( [\d.]+)?: .* its core failed to import\.$", line)
 
 
 @pytest.mark.parametrize("module", ["made_up", "numpy", "dask.made_up"])

@@ -18,9 +18,16 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, redirect_stderr, suppress
 from importlib.util import find_spec
 from pathlib import Path
+from traceback import walk_tb
+from typing import Any, cast
+
+OURS = "flighttune"
+
+# What NumPy's message has if a library was compiled for its first version.
+MADE_FOR = "compiled using NumPy 1.x"
 
 # Whether the system can fork a process, so that a crash ends only the copy. Windows cannot.
 FORKS = hasattr(os, "fork")
@@ -215,6 +222,42 @@ def missing_extra(error: ImportError, what: str) -> str | None:
     """The message of `need` for an import that failed; None where no extra would help."""
     module = (error.name or "").partition(".")[0]
     return _message(what, [module]) if module in EXTRAS and find_spec(module) is None else None
+
+
+class _WithoutNumpy:
+    """A stream without what NumPy writes where a library was compiled for its first version."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> None:
+        if MADE_FOR not in text:
+            self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def said_in_one_line() -> AbstractContextManager[Any]:
+    """Leave what is said of a library that cannot be imported to the error that this raises."""
+    return redirect_stderr(cast("Any", _WithoutNumpy(sys.stderr)))
+
+
+def broken_library(error: ImportError) -> str:
+    """One line about a library that is installed, or should be, and cannot be imported."""
+    from importlib.metadata import version
+
+    modules = [str(x.f_globals.get("__name__")) for x, _ in walk_tb(error.__traceback__)]
+    names = [name.partition(".")[0] for name in modules]
+    ours = len(names) - names[::-1].index(OURS) if OURS in names else 0
+    libraries = [x for x in names[ours:] if "importlib" not in x]
+    library = next(iter([*libraries, (error.name or "").partition(".")[0]]), "") or "a library"
+    with suppress(ImportError):
+        library += f" {version(library)}"
+    got = next((line.strip() for line in str(error).splitlines() if line.strip()), "no reason")
+    line = f"{library}: must be a library that can be imported, got: {got.rstrip('.')}"
+    room = "map segment" in got or "memory" in got
+    return f"{line}; it must fit into the memory there is." if room else f"{line}."
 
 
 def _message(what: str, absent: list[str]) -> str:

@@ -8,7 +8,6 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,10 +22,10 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from flighttune.base.errors import InputError, OutputError, RecordingError
-from flighttune.base.files import parquet
+from flighttune.base.files import owned, parquet
 from flighttune.base.files.load import CAMPAIGN
 from flighttune.base.files.table import hash_of
-from flighttune.base.files.whole import allowed, reason_of, whole_file
+from flighttune.base.files.whole import allowed, reason_of, remove_unfinished, whole_file
 from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights, compiled_in
 from flighttune.campaigns.planning.plan import FORMAT, Plan, recorded_plan
@@ -193,6 +192,7 @@ class Dataset:
     def remove(self, name: str) -> None:
         """Remove a file, named by its path in the folder; OutputError if it cannot be."""
         path = self.folder / name
+        owned.check_inside(path, self.folder)
         with allowed(path, "removable", OutputError):
             path.unlink(missing_ok=True)
 
@@ -209,7 +209,9 @@ class Dataset:
 
     def clean(self) -> None:
         """Remove the unfinished files of a campaign that was killed."""
-        shutil.rmtree(self.folder / WRITING, ignore_errors=True)
+        remove_unfinished(self.folder / WRITING, older_s=0.0)
+        with suppress(OSError):
+            (self.folder / WRITING).rmdir()
 
     def _matches(self, folder: str, name: re.Pattern[str]) -> Iterator[re.Match[str]]:
         with suppress(FileNotFoundError):
@@ -219,6 +221,8 @@ class Dataset:
 
     def _write(self, name: str, data: bytes) -> None:
         """Write a file completely or not at all: it gets its final name when it is finished."""
+        for path in (self.folder / name, self.folder / WRITING / name):
+            owned.check_inside(path, self.folder)
         with whole_file(self.folder / name, self.folder / WRITING) as unfinished:
             unfinished.write_bytes(data)
 
@@ -287,14 +291,15 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout as error:
-        with suppress(OSError):
-            owner = path.read_text(encoding="utf-8", errors="replace")
+        with suppress(OSError), owned.opened(path) as file:
+            owner = os.read(file, 200).decode(errors="replace")
         raise InputError(f"{folder}: a campaign is being flown into it{owner}.") from error
     except OSError as error:
         got = reason_of(error)
         raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
-    with suppress(OSError):  # the owner is only for the message; the lock works without it
-        path.write_bytes(f" by process {os.getpid()} on {socket.gethostname()}".encode())
+    with suppress(OSError), owned.opened(path, flags=os.O_WRONLY | os.O_TRUNC) as file:
+        # the owner is only for the message; the lock works without it
+        os.write(file, f" by process {os.getpid()} on {socket.gethostname()}".encode())
     try:
         yield
     finally:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from flighttune.base.errors import InputError
-from flighttune.base.files import whole
+from flighttune.base.files import owned, whole
 from flighttune.base.files.table import tables_of
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.claims.about import About
@@ -56,6 +56,11 @@ class Unfinished:
             return count.flights
 
         if not self.file.exists():
+            return count
+        if not owned.is_believed(self.file):
+            observer.hear(
+                f"{self.file}: must be a file of this user alone: it is counted from the beginning."
+            )
             return count
         try:
             kept = read_counted(self.file, flights_of, unfinished=True)

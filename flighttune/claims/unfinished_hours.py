@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from flighttune.base.errors import InputError
-from flighttune.base.files import whole
+from flighttune.base.files import owned, whole
 from flighttune.base.files.table import STRICT, read, tables_of, write
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.claims.hourly_flights import Ends, FlownTerm
@@ -45,6 +45,8 @@ class KeptTerms:
         if file is None or not file.exists():
             return
         try:
+            if not owned.is_believed(file):
+                raise InputError(f"{file}: must be a file of this user alone.")
             kept = read(file, UnfinishedHours)
             if other := other_libraries(kept.versions):
                 raise InputError(f"{file}: was flown with other libraries: {other}")

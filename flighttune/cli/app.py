@@ -13,7 +13,14 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from flighttune.base.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
+from flighttune.base.errors import (
+    FlightTuneError,
+    InfeasibleError,
+    InputError,
+    broken_library,
+    missing_extra,
+    said_in_one_line,
+)
 from flighttune.base.files.code import BY_JSBSIM
 from flighttune.base.files.whole import reason_of
 from flighttune.cli.aircraft import adopt, design, identify, trim
@@ -178,7 +185,8 @@ def _run() -> None:
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
     try:
-        sys.exit(app(prog_name="flighttune", standalone_mode=False))
+        with said_in_one_line():
+            sys.exit(app(prog_name="flighttune", standalone_mode=False))
     except Exception as error:
         if isinstance(show := getattr(error, "show", None), MethodType):  # Typer's usage errors
             message = str(getattr(error, "format_message", str)()).rstrip(".?")
@@ -203,9 +211,11 @@ def _reason(error: Exception) -> str:
         return str(error)
     if isinstance(error, ImportError) and (message := missing_extra(error, "this command")):
         return message
-    if isinstance(error, ImportError | MemoryError):
+    if isinstance(error, ImportError):
+        return broken_library(error)
+    if isinstance(error, MemoryError):
         got = next(iter(str(error).splitlines()), "no memory")
-        return f"the libraries must be whole and fit into the memory there is, got: {got}."
+        return f"libraries and data must fit into the memory there is, got: {got}."
     if isinstance(error, OSError) and error.filename:
         from flighttune.base.files.table import shown
 

@@ -10,7 +10,7 @@ import tomlkit
 
 from flighttune.base.errors import InputError, OutputError
 from flighttune.base.files.shipped import SCHEMAS
-from flighttune.base.files.whole import write_text
+from flighttune.base.files.whole import together, write_text
 from flighttune.base.units import DEG, G_PAPER, Degrees, Seconds
 from flighttune.base.words import pick
 from flighttune.flight.load import load_scenario
@@ -69,6 +69,13 @@ def new_scenario(
     if not os.path.basename(stem).strip(" ."):
         raise InputError(f"`NAME` must be that of a file, got {name!r}.")
     file = Path(f"{stem}.toml")
+    with together(file.parent):
+        return _written(file, aircraft, overshoot, settle)
+
+
+def _written(
+    file: Path, aircraft: str | None, overshoot: Degrees | None, settle: Seconds | None
+) -> Path:
     if os.path.exists(file):  # false for a name that is too long, which writing reports
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
@@ -80,11 +87,7 @@ def new_scenario(
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
     text = f"#:schema {SCHEMA}\n{_requiring(document, overshoot, settle)}"
     write_text(file, text + (NEXT_HEAD + NEXT).format(**names))
-    try:
-        load_scenario(file)
-    except BaseException:
-        file.unlink()
-        raise
+    load_scenario(file)
     shipped = (SCHEMAS / "scenario.json").read_text(encoding="utf-8")
     write_text(file.parent / SCHEMA, shipped)
     return file

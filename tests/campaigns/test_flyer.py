@@ -1,5 +1,6 @@
 """The process that flies: what is told where it cannot start, and what it keeps."""
 
+import fcntl
 import gc
 import sys
 import tempfile
@@ -9,7 +10,6 @@ from contextvars import copy_context
 import pytest
 
 import flighttune as ft
-from flighttune.base.files import whole
 from flighttune.campaigns.engine.flyer import Flyer, work_of
 from flighttune.campaigns.engine.server import _prepared
 
@@ -35,7 +35,7 @@ def test_folders_of_killed_processes_are_removed_and_those_in_use_stay(tmp_path,
         (folder / "lock").touch()
 
     with (used / "lock").open() as file:
-        whole.lock(file)
+        fcntl.flock(file, fcntl.LOCK_EX)
         with pytest.raises(ft.loop.PlantError):
             Flyer()
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -930,6 +931,9 @@ def test_flights_of_several_plans_are_kept_and_none_is_flown_twice(plan, tmp_pat
     rows = [kept.flown(x, {}) for x in plans]
     assert flown == expected
     assert [[row["kept"][0] for row in x] for x in rows] == [[0.0, 1.0 / 3.0, 2.0 / 3.0]] * 2
+    opened = shutil.copy(file, file.with_name(file.name.replace("kept", "open")))
+    opened.chmod(0o666)  # anybody may have changed it
+    assert len(KeptRows(tmp_path / "open.jsonl", {"start": 1}, flying(9, others))) == 0
     kept.remove()
     assert not file.exists()
 

@@ -113,7 +113,8 @@ def test_a_killed_count_goes_on_and_is_the_same_to_the_bit(left, tmp_path):
     [
         ({}, "9 flights are counted already."),
         ({"seed": 7}, "its flights belong to another count: it is counted from the beginning."),
-        (None, "must be a band file"),
+        ("damaged", "must be a band file"),
+        ("open", "must be a file of this user alone"),
     ],
 )
 def test_a_stopped_count_goes_on_with_its_flights_alone(tmp_path, monkeypatch, other, said):
@@ -124,11 +125,13 @@ def test_a_stopped_count_goes_on_with_its_flights_alone(tmp_path, monkeypatch, o
         ft.mission("circuit_in_wind", out=out, **FEW)
     assert stopped.value.kept == (str(kept),)
     assert [file.name for file in tmp_path.iterdir()] == [kept.name]
-    if other is None:
+    if other == "damaged":
         kept.write_bytes(b"damaged")
+    if other == "open":
+        kept.chmod(0o666)  # anybody may have changed it
 
     flown = made_up_flights(monkeypatch)
-    settings = {**FEW, **(other or {})}
+    settings = FEW if isinstance(other, str) else FEW | other
     ft.mission("circuit_in_wind", out=out, observer=seen, **settings)
 
     (heard,) = seen.said

@@ -179,7 +179,7 @@ def test_a_killed_search_of_the_latest_time_goes_on_and_is_the_same_to_the_bit(
         assert not file.exists()
 
 
-@pytest.mark.parametrize("other", [{"flights": 13}, None])
+@pytest.mark.parametrize("other", [{"flights": 13}, "cut", "open"])
 def test_flights_of_another_count_are_not_gone_on_with(tmp_path, other):
     stated = ft.flights("circuit_in_wind").knowing(None)
     plan = counting.drawn(stated)
@@ -200,9 +200,11 @@ def test_flights_of_another_count_are_not_gone_on_with(tmp_path, other):
     assert KeptTerms(ends(), file, seen).begun(**healthy) == term
     assert seen.said == [f"{file}: 2 flights are counted already."]
 
-    if other is None:
+    if other == "cut":
         file.write_text(file.read_text()[:-9])
-    kept = KeptTerms(ends(**(other or {})), file, seen)
+    if other == "open":
+        file.chmod(0o666)  # anybody may have changed it
+    kept = KeptTerms(ends(**({} if isinstance(other, str) else other)), file, seen)
     assert kept.flights == len(kept.begun(**healthy)) == 0
     assert seen.said[1].startswith(str(file))
     assert seen.said[1].endswith(": it is counted from the beginning.")

@@ -119,10 +119,9 @@ def written(source: object, *kinds: str, columns: Any = ()) -> Any:
 
 def kind_of(source: str | Path) -> str:
     """Kind of a file by its content, else by its ending; empty for an unknown kind."""
-    whole.settle(Path(source).parent)
     path, head, stated = _place(source), b"", ""
+    whole.check_whole(path)
     if path.is_dir():
-        whole.settle(path)
         return DATASET if (path / CAMPAIGN).is_file() else RECORDING
     with suppress(OSError), path.open("rb") as file:
         head = file.read(16)

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from flighttune.base.errors import InputError
-from flighttune.base.files.whole import settle
+from flighttune.base.files.whole import check_whole
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -78,7 +78,7 @@ def aircraft_folder(name: str) -> Path:
     """Return the folder of the aircraft `name`, found in one of `aircraft_places`."""
     if Path(name).name == name:
         for place in aircraft_places():
-            settle(place / name)
+            check_whole(place / name)
             if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied
                 return (place / name).resolve()
     from flighttune.base.files.load import ENDINGS, LOG  # pydantic, which `--help` does without

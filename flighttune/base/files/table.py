@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from flighttune.base.errors import InputError, ScenarioError, naming
-from flighttune.base.files.whole import allowed, settle, write_text
+from flighttune.base.files.whole import allowed, check_whole, current, write_text
 
 # Maximum number of mistakes that one line lists, and maximum number that are counted.
 MAX_LISTED, MAX_MISTAKES = 5, 10_000
@@ -275,8 +275,8 @@ def _json(text: str) -> Any:
 
 def file_text(path: Path) -> str:
     """The text of a file; ScenarioError if it is too large or not UTF-8."""
-    settle(path.parent)
-    with allowed(path, "readable", ScenarioError), path.open("rb") as file:
+    check_whole(path)
+    with allowed(path, "readable", ScenarioError), current(path).open("rb") as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
         raise ScenarioError(f"{path}: the file must have at most {MAX_BYTES} bytes, got more.")

@@ -1,7 +1,9 @@
 """Files written whole or not at all, alone or together as an answer, and scratch folders."""
 
+import errno
 import os
 import shutil
+import stat
 import time
 import uuid
 from collections.abc import Iterator
@@ -9,18 +11,33 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import IO
+from typing import IO, TypeAlias
 
-from flighttune.base.errors import FORKS, DifferenceError, OutputError, RecordingError, StoppedError
+from flighttune.base.errors import (
+    FORKS,
+    DifferenceError,
+    InputError,
+    OutputError,
+    RecordingError,
+    StoppedError,
+)
+from flighttune.base.files import owned
 
 MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
 
 # Prefix of unfinished files and folders, and the age (s) from which they may be abandoned.
 UNFINISHED, ABANDONED_S = ".flighttune-", 60.0
 
-# Folder of a whole answer whose files are being put in place. It has the files to move, marks of
-# files to remove, and the paths of the answer's other staging folders.
-WHOLE, NEW, OLD, OTHERS = ".flighttune.whole", "new", "old", "others"
+# Folder of a whole answer whose files are being put in place. It is of its user alone, and has the
+# files to move, marks of files to remove, and a file that says what it is.
+WHOLE, NEW, OLD, MARK = ".flighttune.whole", "new", "old", ".flighttune-answer"
+KINDS = NEW, OLD
+
+# Files to move and to remove, from the folder in which they get their places.
+Places: TypeAlias = dict[str, list[Path]]
+
+# Deepest folder in it. Without a limit, one that somebody packed could be as deep as memory.
+DEEPEST = 64
 
 # Maximum wait for another process that puts files in place, and interval between checks, s.
 WAIT_S, LOOK_S = 10.0, 0.01
@@ -39,9 +56,11 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
         for needed in (place.parent, folder):
             needed.mkdir(parents=True, exist_ok=True)
         settle(folder)
-        _remove_abandoned(folder)
+        remove_unfinished(folder)
         # Windows does not rename an open file
         with part.open("ab") if FORKS else nullcontext(-1) as file:
+            if FORKS and _APART.get():
+                part.chmod(0o600)
             with suppress(OSError):  # not every file system has locks
                 lock(file)
             yield part
@@ -54,17 +73,31 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
                 part.unlink(missing_ok=True)
 
 
-def _remove_abandoned(folder: Path) -> None:
-    """Remove unfinished files that killed commands left in a folder."""
-    for old in folder.glob(f"{UNFINISHED}*"):
-        with suppress(OSError):  # locked, or just finished
-            descriptor = os.open(old, os.O_RDONLY)
-            try:
-                lock(descriptor)
-                if time.time() - os.fstat(descriptor).st_mtime > ABANDONED_S:
-                    shutil.rmtree(old) if old.is_dir() else old.unlink()
-            finally:
-                os.close(descriptor)
+def remove_unfinished(folder: Path, older_s: float = ABANDONED_S) -> None:
+    """Remove unfinished files of this user that killed commands left in a folder."""
+    if not FORKS:
+        return
+    with suppress(OSError), _named(folder) as at:
+        for name in os.listdir(at):
+            if name.startswith(UNFINISHED):
+                with suppress(OSError):  # locked, of another user, or just finished
+                    _remove_abandoned(name, at, older_s)
+
+
+def _remove_abandoned(name: str, at: int, older_s: float) -> None:
+    if not owned.is_mine(os.stat(name, dir_fd=at, follow_symlinks=False)):
+        return  # it is not even opened
+    with owned.opened(name, at) as file:
+        lock(file)
+        state = os.fstat(file)
+        if not owned.is_mine(state) or time.time() - state.st_mtime < older_s:
+            return
+        if not stat.S_ISDIR(state.st_mode):
+            os.unlink(name, dir_fd=at)
+        elif _is_answer(file):
+            _remove(name, file, at)
+        else:
+            os.rmdir(name, dir_fd=at)  # if nothing is in it
 
 
 class _Answer:
@@ -74,6 +107,7 @@ class _Answer:
         self.folders: list[Path] = []  # all files below it are staged in one folder
         self.kept: list[Path] = []  # files that are written even if the block ends in an error
         self._stages: dict[Path, Path] = {}
+        self._open: dict[Path, int] = {}  # the staging folders, locked
         self._locks = ExitStack()
 
     def staged(self, path: Path, kind: str = NEW) -> Path:
@@ -82,11 +116,14 @@ class _Answer:
         if folder not in self._stages:
             settle(folder)
             folder.mkdir(parents=True, exist_ok=True)
-            _remove_abandoned(folder)
+            remove_unfinished(folder)
             stage = folder / f"{UNFINISHED}{uuid.uuid4().hex}"
             self._stages[folder] = stage
-            stage.mkdir()
-            self._locks.enter_context(_locked(stage))
+            stage.mkdir(mode=0o700)
+            if FORKS:
+                self._open[folder] = self._locks.enter_context(owned.opened(stage))
+                _wait_for(self._open[folder], stage)
+            (stage / MARK).touch()
         return self._stages[folder] / kind / place
 
     def current(self, path: Path) -> Path:
@@ -99,12 +136,18 @@ class _Answer:
         """The folder beside which a file is staged, and the file's path from that folder."""
         path = Path(os.path.abspath(path))
         below = Path(os.path.realpath(path.parent))  # links may lead to another file system
-        holding = (x for x in self.folders if below.is_relative_to(os.path.realpath(x)))
-        folder = next(holding, path.parent)
-        return folder, path.relative_to(folder)
+        for folder in self.folders:
+            if below.is_relative_to(inside := os.path.realpath(folder)):
+                return folder, below.relative_to(inside) / path.name
+            if path.is_relative_to(folder):
+                owned.check_inside(path, folder)
+        return below, Path(path.name)
 
     def put_in_place(self) -> None:
-        """Put all files in place; if this process is killed meanwhile, the next one continues."""
+        """Put all files in place; if this process is killed meanwhile, the next one continues.
+
+        What lies in different folders is put there one folder after the other.
+        """
         for folder, stage in self._stages.items():
             for place in _places(stage, NEW):
                 with allowed(folder / place, "writable", OutputError):
@@ -112,23 +155,44 @@ class _Answer:
                     if (folder / place).is_dir():
                         raise IsADirectoryError(0, "Is a directory")
                 (stage / OLD / place).unlink(missing_ok=True)  # removed, then written anew
-        if not self._stages:
-            return
-        stage, *others = self._stages.values()
-        with allowed(stage.parent, "writable", OutputError):
-            (stage / OTHERS).write_bytes(b"\0".join(map(os.fsencode, others)))
-            _commit(stage)
+        places = [{kind: _places(x, kind) for kind in KINDS} for x in self._stages.values()]
         try:
-            _move(stage.parent)
+            self._finish(places)
         except KeyboardInterrupt:
-            _move(stage.parent)
+            self._finish(places)
             raise
+
+    def _finish(self, places: list[Places]) -> None:
+        """Commit the answer, unless one file is all of it, and move its files."""
+        if not FORKS:  # without locks, no command could tell that this one was killed
+            for (folder, stage), files in zip(self._stages.items(), places, strict=True):
+                for place in files[NEW]:
+                    (stage / NEW / place).replace(folder / place)
+                for place in files[OLD]:
+                    (folder / place).unlink(missing_ok=True)
+            return
+        several = sum(len(files[kind]) for files in places for kind in KINDS) > 1
+        for stage in self._stages.values() if several else ():
+            with allowed(stage.parent, "writable", OutputError):
+                _commit(stage)
+        for (folder, stage), files in zip(self._stages.items(), places, strict=True):
+            whole = stage.with_name(WHOLE) if several else stage
+            try:
+                with _named(folder) as at:
+                    _move(self._open[folder], at, files)
+                    _remove(whole.name, self._open[folder], at)
+            except OSError as error:
+                got = reason_of(error)
+                raise OutputError(
+                    f"{folder}: must be writable, got {got}; the answer is in {whole}."
+                ) from error
 
     def put_kept_in_place(self) -> None:
         """Put in place only the files that an error must not lose."""
+        kept = [self._place(path) for path in self.kept]
         for folder, stage in self._stages.items():
             for place in _places(stage, NEW):
-                if folder / place not in self.kept:
+                if (folder, place) not in kept:
                     (stage / NEW / place).unlink()
         # A file that could not be written must not remove the file of an earlier answer.
         if any(self.current(path) != path for path in self.kept):
@@ -144,6 +208,9 @@ class _Answer:
 # Collects the files of a block; None outside of `together`.
 _ANSWER: ContextVar[_Answer | None] = ContextVar("answer", default=None)
 
+# Whether a block is inside `apart`.
+_APART: ContextVar[bool] = ContextVar("apart", default=False)
+
 
 @contextmanager
 def together(folder: str | Path | None = None) -> Iterator[None]:
@@ -151,8 +218,8 @@ def together(folder: str | Path | None = None) -> Iterator[None]:
 
     All files below `folder` share one staging folder. A block inside another is part of the outer
     block. If a command is killed before the answer is whole, the earlier files stay. If it is
-    killed later, the next process that reads or writes there first puts the new files in place
-    (`settle`).
+    killed later, the next command that writes there first puts the new files in place (`settle`),
+    and until then none reads them (`check_whole`).
     """
     answer, outer = _Answer(), _ANSWER.get()
     if folder is not None:
@@ -178,12 +245,13 @@ def together(folder: str | Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def apart() -> Iterator[None]:
-    """Write the files of the block at once, not with an answer: they are read before it ends."""
-    token = _ANSWER.set(None)
+    """Write the files of the block at once, not with an answer: only this user reads them again."""
+    token, alone = _ANSWER.set(None), _APART.set(True)
     try:
         yield
     finally:
         _ANSWER.reset(token)
+        _APART.reset(alone)
 
 
 def keep_on_error(path: Path) -> None:
@@ -212,88 +280,165 @@ def remove_file(path: Path) -> None:
 
 
 def settle(folder: Path) -> None:
-    """Put the files of an answer in place whose command was killed when the answer was whole."""
-    whole = folder / WHOLE
-    if os.path.isdir(whole):  # in nearly every call there is no such folder
-        with allowed(whole, "readable", OutputError), suppress(FileNotFoundError), _locked(whole):
-            _move(folder)  # unless another process was faster
+    """Put the files of an answer in place whose command was killed when the answer was whole.
+
+    Only a command that writes into the folder does this, for answers of the same user alone.
+    """
+    with ExitStack() as stack:
+        if (left := _left(folder, stack)) is None:
+            return
+        at, source = left
+        if not _is_answer(source):
+            return
+        with allowed(folder / WHOLE, "put in place", OutputError):
+            _move(source, at, {kind: _checked_places(source, kind) for kind in KINDS})
+            _remove(WHOLE, source, at)
 
 
-def _commit(stage: Path) -> None:
+def check_whole(path: Path) -> None:
+    """Refuse a file or folder that a killed command of this user left between two answers."""
+    for folder, name in ((path.parent, path.name), (path, "")):
+        with ExitStack() as stack:
+            if (left := _left(folder, stack)) is None:
+                continue
+            if any(_holds(left[1], kind, name) for kind in KINDS):
+                raise InputError(
+                    f"{path}: must be whole, got a killed command that was putting its files in "
+                    f"place; run that command again, or remove {folder / WHOLE}."
+                )
+
+
+def _left(folder: Path, stack: ExitStack) -> tuple[int, int] | None:
+    """A folder and the whole answer that a command of this user left in it, open and locked."""
+    if not (FORKS and os.path.lexists(folder / WHOLE)):  # in nearly every call
+        return None
+    try:
+        at = stack.enter_context(_named(folder))
+        if not owned.is_mine(os.stat(WHOLE, dir_fd=at, follow_symlinks=False)):
+            return None
+        source = stack.enter_context(owned.opened(WHOLE, at, owned.FOLDER))
+        if not owned.is_mine(os.fstat(source)):
+            return None
+        _wait_for(source, folder / WHOLE)
+        same = os.path.samestat(os.fstat(source), os.stat(WHOLE, dir_fd=at, follow_symlinks=False))
+        return (at, source) if same else None
+    except OSError:  # just put in place, or not readable
+        return None
+
+
+def _is_answer(source: int) -> bool:
+    """Whether an open folder is an answer that this user staged and nobody else can change."""
+    return owned.is_private(os.fstat(source), owned.OTHERS) and _exists(Path(MARK), source)
+
+
+def _commit(stage: Path) -> Path:
     """Rename a staging folder to the name of a whole answer."""
-    whole = stage.with_name(WHOLE)
-    while True:
+    whole, end = stage.with_name(WHOLE), time.monotonic() + WAIT_S
+    while stage.exists():  # else an interrupt came after it was renamed
         settle(stage.parent)
         try:
             stage.rename(whole)
-        except OSError:
-            if not whole.exists():  # it belongs to another process
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
                 raise
-        else:
-            return
+            # It belongs to another process, which has moved its files when `settle` returns; or
+            # it is believed to be none.
+            with suppress(FileNotFoundError):
+                ours = owned.is_private(os.lstat(whole), owned.OTHERS) and (whole / MARK).exists()
+                if not ours or time.monotonic() > end:
+                    raise OutputError(
+                        f"{whole}: must be absent, or what a killed command of this user left; "
+                        "remove it, or write elsewhere."
+                    ) from error
+    return whole
 
 
-def _move(folder: Path) -> None:
-    """Move the files of a whole answer to their places."""
-    whole, place = folder / WHOLE, folder
-    try:
-        for other in _others(whole):
-            if other.is_dir():
-                _commit(other)
-            _move(other.parent)
-        inside = os.path.realpath(folder)
-        for kind in (NEW, OLD):
-            for name in _places(whole, kind):
-                place = folder / name
-                place.parent.mkdir(parents=True, exist_ok=True)
-                # A link in the folder of somebody else must not lead out of it.
-                if not Path(os.path.realpath(place.parent)).is_relative_to(inside):
+def _move(source: int, at: int, places: Places) -> None:
+    """Move files of an open answer to their places in an open folder, and remove others."""
+    for kind in KINDS:
+        for place in places[kind]:
+            name, parents = place.name, place.parts[:-1]
+            with suppress(FileNotFoundError), ExitStack() as stack:  # done before an interrupt
+                staged = stack.enter_context(owned.folder_inside(source, (kind, *parents)))
+                if kind == NEW:
+                    to = stack.enter_context(owned.folder_inside(at, parents, make=True))
+                    os.replace(name, name, src_dir_fd=staged, dst_dir_fd=to)
                     continue
-                with suppress(FileNotFoundError):  # another process was faster
-                    (whole / NEW / name).replace(place) if kind == NEW else place.unlink()
-        shutil.rmtree(whole, ignore_errors=True)
-    except OSError as error:
-        got = reason_of(error)
-        raise OutputError(f"{place}: must be writable, got {got}; it is in {whole}.") from error
+                with suppress(FileNotFoundError), owned.folder_inside(at, parents) as to:
+                    os.unlink(name, dir_fd=to)
+                os.unlink(name, dir_fd=staged)
 
 
-def _others(whole: Path) -> list[Path]:
-    """The staging folders of the same answer elsewhere."""
+def _remove(name: str, source: int, at: int) -> None:
+    """Remove an open staging folder whose files have their places, or that was abandoned."""
+    for kind in KINDS:
+        if _exists(Path(kind), source):
+            shutil.rmtree(kind, dir_fd=source)
     with suppress(FileNotFoundError):
-        paths = (Path(os.fsdecode(path)) for path in (whole / OTHERS).read_bytes().split(b"\0"))
-        return [path for path in paths if path.name.startswith(UNFINISHED)]
-    return []
+        os.unlink(MARK, dir_fd=source)
+    with suppress(OSError):  # already removed, or not empty
+        os.rmdir(name, dir_fd=at)
 
 
 def _places(stage: Path, kind: str) -> list[Path]:
     """Paths of the files of a staging folder, from the folder in which they get their places."""
-    if stage.is_symlink() or (stage / kind).is_symlink():
-        return []
     files = [Path(at, name) for at, _, names in os.walk(stage / kind) for name in names]
     return sorted(file.relative_to(stage / kind) for file in files)
 
 
+def _checked_places(source: int, kind: str) -> list[Path]:
+    """The same of an answer that was left; OSError unless all in it is of this user."""
+    places, folders = list[Path](), [Path(kind)] if _exists(Path(kind), source) else []
+    while folders:
+        below = folders.pop()
+        if len(below.parts) > DEEPEST:
+            raise OSError(errno.ELOOP, "Folders of another command")
+        with owned.folder_inside(source, below.parts) as folder:
+            for name in os.listdir(folder):
+                state = os.stat(name, dir_fd=folder, follow_symlinks=False)
+                if not owned.is_mine(state):
+                    raise PermissionError(errno.EPERM, "No files of this user")
+                found = folders if stat.S_ISDIR(state.st_mode) else places
+                found.append(below / name)
+    return sorted(place.relative_to(kind) for place in places)
+
+
+def _holds(source: int, kind: str, name: str) -> bool:
+    """Whether a file is among those of an open answer, or any if there is no name."""
+    with suppress(OSError):
+        return _exists(Path(kind, name), source) if name else bool(_checked_places(source, kind))
+    return True
+
+
+def _exists(path: Path, inside: int) -> bool:
+    with suppress(OSError), owned.folder_inside(inside, path.parts[:-1]) as folder:
+        os.stat(path.name, dir_fd=folder, follow_symlinks=False)
+        return True
+    return False
+
+
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder, if it has a lock, after the process that holds the lock now."""
-    if not FORKS:
-        yield
-        return
-    descriptor, end = os.open(folder, os.O_RDONLY), time.monotonic() + WAIT_S
+def _named(folder: Path) -> Iterator[int]:
+    """Open a folder that the command named, which may be a link."""
+    descriptor = os.open(folder, owned.FOLDER)
     try:
-        while True:
-            try:
-                lock(descriptor)
-                break
-            except BlockingIOError:
-                if time.monotonic() > end:
-                    raise OutputError(f"{folder}: another process must end its writing.") from None
-                time.sleep(LOOK_S)
-            except OSError:  # not every file system has locks
-                break
-        yield
+        yield descriptor
     finally:
         os.close(descriptor)
+
+
+def _wait_for(folder: int, name: Path) -> None:
+    """Lock an open folder, if it has a lock, after the process that holds the lock now."""
+    end = time.monotonic() + WAIT_S
+    while True:
+        try:
+            return lock(folder)
+        except BlockingIOError:
+            if time.monotonic() > end:
+                raise OutputError(f"{name}: another process must end its writing.") from None
+            time.sleep(LOOK_S)
+        except OSError:  # not every file system has locks
+            return None
 
 
 def lock(file: "IO[bytes] | int") -> None:

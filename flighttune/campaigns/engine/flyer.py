@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.base.errors import FORKS, DifferenceError, PlantError, ending_of, need_fork
+from flighttune.base.files import owned
 from flighttune.base.files.shipped import TRUST_AIRCRAFT
 from flighttune.base.files.whole import lock, reason_of, scratch_folder, scratch_place
 from flighttune.base.processors import cores
@@ -156,15 +157,15 @@ def take_ready() -> Flyer | None:
 
 def _remove_abandoned() -> None:
     """Remove temporary folders of processes that were killed with their command."""
-    for path in scratch_place().glob(f"flighttune-*/{LOCK}"):
-        with suppress(OSError):  # locked, owned by another user, or just removed
-            # All users can write there: a pipe with this name must not block the command.
-            descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
-            try:
-                lock(descriptor)
-                shutil.rmtree(path.parent)
-            finally:
-                os.close(descriptor)
+    for path in scratch_place().glob("flighttune-*"):
+        with (
+            suppress(OSError),  # locked, of another user, or just removed
+            owned.opened(path, flags=owned.FOLDER) as folder,
+            owned.opened(LOCK, folder) as file,
+        ):
+            if owned.is_mine(os.fstat(folder)) and owned.is_mine(os.fstat(file)):
+                lock(file)
+                shutil.rmtree(path)
 
 
 def fly(work: bytes, draw: "Draw") -> list[Answer]:

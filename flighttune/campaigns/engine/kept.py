@@ -1,12 +1,14 @@
 """Rows of flights, written while they are flown, so that the same command goes on after a kill."""
 
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.errors import InputError, OutputError, keeping
+from flighttune.base.files import owned
 from flighttune.base.files.whole import allowed, apart, made_folder, write_text
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import Row
@@ -41,7 +43,7 @@ class KeptRows:
         if self._rows:
             pool.observer.hear(f"{file}: {len(self)} flights are flown already.")
             pool.progress.add([*self._rows.values()])
-        if file.exists():
+        if os.path.lexists(file):
             with apart():  # written anew, as a killed command may have left half of a line
                 write_text(file, "".join(self._line(*x) for x in self._rows.items()))
 
@@ -73,7 +75,8 @@ class KeptRows:
             with (
                 keeping(self.file),
                 allowed(self.file, "writable", OutputError),
-                self.file.open("a", encoding="utf-8") as file,
+                owned.appended(self.file) as opened,
+                open(opened, "a", encoding="utf-8", closefd=False) as file,
             ):
                 for row in rows:
                     place = of_plan, row["run"]
@@ -95,11 +98,13 @@ class KeptRows:
         return _text(kept) + "\n"
 
     def _read(self, file: Path) -> str:
-        """Take the rows of the command from the file; none after a damaged line.
+        """Take the rows of the command from the user's own file; none after a damaged line.
 
         Returns what differs of the libraries of rows that were left.
         """
         other = ""
+        if not owned.is_believed(file):
+            return other
         try:
             for line in file.read_text(encoding="utf-8").splitlines():
                 kept = json.loads(line)

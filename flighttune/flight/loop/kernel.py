@@ -16,6 +16,7 @@ from typing import Any, cast
 import numpy as np
 
 from flighttune.base import units
+from flighttune.base.files.owned import believed_bytes
 from flighttune.base.files.whole import apart, whole_file
 from flighttune.base.units import wrap_angle
 from flighttune.control import exact_law, limits, mimo_pi, wind
@@ -113,16 +114,22 @@ class Kept(FunctionCache):
         return Path(self.cache_path, f"{self._impl.filename_base}.{kind}.compiled")
 
     def load(self, key: Any) -> Any:
-        """What was saved, None if it was changed since."""
-        data = self._file(key).read_bytes()
-        whole = sha256(data[DIGEST_BYTES:]).digest() == data[:DIGEST_BYTES]
+        """What this user saved, None if it was changed since."""
+        file = self._file(key)
+        data = believed_bytes(file)
+        whole = _digest(file, data[DIGEST_BYTES:]) == data[:DIGEST_BYTES]
         return pickle.loads(data[DIGEST_BYTES:]) if whole else None
 
     def save(self, key: Any, data: Any) -> None:
         """Write what Numba needs to use a function again."""
-        compiled = numba.core.serialize.dumps(data)
-        with apart(), whole_file(self._file(key)) as part:
-            part.write_bytes(sha256(compiled).digest() + compiled)
+        file, compiled = self._file(key), numba.core.serialize.dumps(data)
+        with apart(), whole_file(file) as part:
+            part.write_bytes(_digest(file, compiled) + compiled)
+
+
+def _digest(file: Path, compiled: bytes) -> bytes:
+    """SHA-256 of a compiled function and of the name that tells which one it is."""
+    return sha256(file.name.encode() + compiled).digest()
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:

@@ -31,7 +31,7 @@ from flighttune.base.files.table import (
     toml_text,
     validated,
 )
-from flighttune.base.files.whole import write_text
+from flighttune.base.files.whole import current, write_text
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import GainsTable
 from flighttune.control.law import DEFAULT
@@ -438,7 +438,7 @@ def existing_file(
 ) -> Path:
     """A file, or a shipped file by its name, perhaps with ending and one of its `folders`."""
     file = Path(path)
-    if file.is_file():
+    if current(file).is_file():
         if file.suffix.lower() not in ("", ".toml"):
             also = "a file of another kind that the command reads"
             raise ScenarioError(f"{path}: must be a {kind} (.toml), or {also}, got {file.suffix}.")

@@ -19,6 +19,7 @@ import numpy as np
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, printable
+from flighttune.base.files import owned
 from flighttune.base.files.whole import (
     apart,
     remove_file,
@@ -130,7 +131,7 @@ def _put(built: Path, folder: Path) -> None:
 
 def _sums_in(file: Path) -> dict[str, str]:
     """SHA-256 of the files below a folder that an earlier export wrote, by path."""
-    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    lines = file.read_text(encoding="utf-8").splitlines() if owned.is_my_file(file) else []
     return {name: digest for digest, _, name in (line.partition("  ") for line in lines) if name}
 
 

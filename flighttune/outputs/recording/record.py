@@ -16,6 +16,7 @@ import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.base.errors import RecordingError, need
+from flighttune.base.files import owned
 from flighttune.base.files.whole import remove_file, together, whole_file
 from flighttune.base.screen import LOCAL, has_screen
 from flighttune.base.units import shown_unit
@@ -140,7 +141,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
     with together(folder):
-        for path in parquet.files_shown(recording) if recording.exists() else ():
+        for path in parquet.files_shown(recording) if owned.is_my_file(recording) else ():
             remove_file(path)
         for path, parts in zip(paths, runs, strict=True):
             with whole_file(path) as part:

@@ -15,7 +15,7 @@ from flighttune.base import quantities as q
 from flighttune.base.errors import InputError, printable
 from flighttune.base.files.shipped import aircraft_folder
 from flighttune.base.files.table import hash_of, json_tables, stamp, toml_tables, validated
-from flighttune.base.files.whole import UNFINISHED, settle, write_text
+from flighttune.base.files.whole import UNFINISHED, check_whole, write_text
 from flighttune.base.units import DEG
 from flighttune.base.words import told_apart
 from flighttune.control.controller import FlightCondition
@@ -391,7 +391,7 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     folder = Path(aircraft).resolve()
     if folder.is_file() or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
         folder = aircraft_folder(str(aircraft))
-    settle(folder)
+    check_whole(folder)
     return _read(folder, stamp(folder / "aircraft.toml"), stamp(folder / GAINS_FILE))
 
 

@@ -6,7 +6,6 @@ A file that is lost, cut, forged or open to others is made anew.
 
 import json
 import os
-import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
@@ -18,6 +17,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from flighttune.base.errors import FlightTuneError
+from flighttune.base.files.owned import believed_bytes, own_folder
 from flighttune.base.files.whole import apart, whole_file
 from flighttune.vehicles.compiled.step import Names
 
@@ -28,6 +28,9 @@ _DIGEST, _LENGTH = 32, 8
 
 # Most files in the folder, with their locks, and their size.
 MAX_FILES, MAX_BYTES = 400, 32_000_000
+
+# Folders below the cache of the user, of this user alone.
+_BELOW = "flighttune", "compiled"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +81,7 @@ def folder() -> Path:
     base = os.environ.get("XDG_CACHE_HOME", "")
     # An environment may name a relative folder, which would depend on where a command runs.
     home = Path(base) if os.path.isabs(base) else Path.home() / ".cache"
-    return home / "flighttune" / "compiled"
+    return home.joinpath(*_BELOW)
 
 
 def kept_or_made(
@@ -100,10 +103,7 @@ def kept_or_made(
 def _own_folder() -> Path | None:
     """The folder, of this user alone; None where there cannot be one."""
     with suppress(OSError, RuntimeError):  # no home, or no writing there
-        place = folder()
-        place.mkdir(parents=True, exist_ok=True, mode=0o700)
-        place.chmod(0o700)
-        return place if _own(place) else None
+        return own_folder(folder().parents[1], *_BELOW)
     return None
 
 
@@ -122,26 +122,17 @@ def _alone(file: Path) -> Iterator[None]:
             lock.release()
 
 
-def _own(path: Path) -> bool:
-    """Whether a file or folder is of this user, and nobody else can write to it."""
-    state = os.lstat(path)
-    others = stat.S_IWGRP | stat.S_IWOTH
-    return state.st_uid == os.getuid() and not state.st_mode & others and not path.is_symlink()
-
-
 def _read(file: Path, key: str) -> Kept | None:
     # Whatever is wrong with a file, the step is made again.
     with suppress(Exception):
-        if _own(file):
-            kept = kept_from(file.read_bytes(), key)
-            os.utime(file)  # for `remove_oldest`
-            return kept
+        kept = kept_from(believed_bytes(file), key)
+        os.utime(file)  # for `remove_oldest`
+        return kept
     return None
 
 
 def _write(file: Path, data: bytes) -> None:
     with apart(), whole_file(file) as part:
-        part.chmod(0o600)
         part.write_bytes(data)
 
 

@@ -1,6 +1,7 @@
 """Compiled functions have the bits of plain ones; damaged ones on disk cost time, nothing else."""
 
 import math
+import os
 import resource
 
 import pandas as pd
@@ -16,7 +17,7 @@ from flighttune.flight.loop.kernel import kernel  # noqa: E402
 pytestmark = pytest.mark.slow
 
 
-def compiled(folder, monkeypatch):
+def compiled(folder, monkeypatch, argument=21.0):
     """A function that is compiled anew or taken from the folder, and its statistics."""
 
     def doubled(x):
@@ -25,7 +26,7 @@ def compiled(folder, monkeypatch):
     monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(folder))
     doubled.__qualname__ = "doubled"
     function = kernel(doubled)
-    return function, function(21.0)
+    return function, function(argument)
 
 
 def hits(function):
@@ -54,6 +55,27 @@ def test_a_damaged_function_is_compiled_again_and_kept(tmp_path, monkeypatch, da
 
     third, value = compiled(tmp_path, monkeypatch)
     assert (hits(third), value) == (1, 42.0)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root makes files of other users")
+@pytest.mark.parametrize("of", ["file", "folder", "another function"])
+def test_a_function_that_another_user_planted_is_compiled_again(tmp_path, monkeypatch, of):
+    first, _ = compiled(tmp_path, monkeypatch)
+    assert hits(first) == 0
+    (file,) = tmp_path.rglob("*.compiled")
+    if of == "another function":
+        whole = file.read_bytes()
+        compiled(tmp_path / "other", monkeypatch, 21)
+        (other,) = (tmp_path / "other").rglob("*.compiled")
+        assert other.name != file.name
+        file.write_bytes(other.read_bytes())
+        assert file.read_bytes() != whole
+    else:
+        os.chown(file if of == "file" else file.parent, 65534, 65534)
+
+    second, value = compiled(tmp_path, monkeypatch)
+
+    assert (hits(second), value) == (0, 42.0)
 
 
 def test_a_function_that_cannot_be_kept_is_compiled_all_the_same(tmp_path, monkeypatch):
