@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import got, is_number
 from flighttune.base.errors import InputError
+from flighttune.base.files.budget import is_name
 from flighttune.base.signatures import short_signature
 
 Call = TypeVar("Call", bound=Callable[..., Any])
@@ -28,9 +29,6 @@ LARGEST = 2**31
 
 # Most characters of the line that refuses a call.
 MAX_LINE = 1000
-
-# Longest path, and longest part of a path, bytes.
-MAX_PATH, MAX_PART = 4096, 255
 
 # Built-in types. An object of another class may be an iterable that can be read only once.
 PLAIN = (type(None), bool, int, float, complex, str, bytes, list, tuple, dict, set, np.ndarray)
@@ -102,7 +100,7 @@ def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, A
                 continue
             if not fits(each, annotation):
                 raise InputError(_misfit(name, each, annotation))
-            if isinstance(each, str | PurePath) and not _is_name(str(each)):
+            if isinstance(each, str | PurePath) and not is_name(each):
                 raise InputError(
                     f"`{name}` must be a name or path that files can have, got {got(str(each))}."
                 )
@@ -124,11 +122,6 @@ def _misfit(name: str, value: Any, annotation: Any) -> str:
 
 def _is_union(annotation: Any) -> bool:
     return typing.get_origin(annotation) in (typing.Union, types.UnionType)
-
-
-def _is_name(text: str) -> bool:
-    parts = text.encode(errors="surrogateescape").split(b"/")
-    return "\0" not in text and len(text) < MAX_PATH and max(map(len, parts)) <= MAX_PART
 
 
 @functools.cache

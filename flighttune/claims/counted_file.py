@@ -58,9 +58,8 @@ def _flights(about: About) -> BandFlights:
 def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
     """Read a count, with its flights from its plan by `flights_of`."""
     load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
-    size = 4 * MAX_NUMBERS + 2**24
     with naming(path):
-        arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
+        arrays = array.read_arrays(Path(path), "band", ARRAYS, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
         compiled = arrays.pop(COMPILED, None)

@@ -140,7 +140,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
     with together(folder):
-        for path in parquet.files_shown(recording) if recording.exists() else ():
+        for path in parquet.files_shown(recording) if os.path.exists(recording) else ():
             remove_file(path)
         for path, parts in zip(paths, runs, strict=True):
             with whole_file(path) as part:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import os
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -389,7 +390,7 @@ class AircraftConfig(q.Table):
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     """Return the aircraft with a name, or from a folder with an ``aircraft.toml``."""
     folder = Path(aircraft).resolve()
-    if folder.is_file() or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
+    if os.path.isfile(folder) or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
         folder = aircraft_folder(str(aircraft))
     settle(folder)
     return _read(folder, stamp(folder / "aircraft.toml"), stamp(folder / GAINS_FILE))

@@ -17,6 +17,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
+from flighttune.base.files.budget import XML, file_bytes
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.xml import node
 from flighttune.base.units import FT, SLUG
@@ -127,13 +128,21 @@ def read_xml(file: Path, subject: str) -> ElementTree.Element:
     """Return the root element of `file`; `subject` begins the message of a PlantError."""
     about = subject if subject == str(file) else f"{subject}: {file}"
     try:
-        root = ElementTree.parse(file).getroot()
+        data = file_bytes(file, XML, PlantError)
+        # Entities make much of few bytes, but the parser refuses their growth.
+        if data.count(b"<") > XML.entries:
+            raise PlantError(f"{file}: must have at most {XML.entries} elements, got more.")
+        root = ElementTree.fromstring(data)
+        level, depth = [root], 0
+        while level := [part for element in level for part in element]:
+            depth += 1
+            if depth > XML.depth:
+                raise PlantError(f"{file}: has too many elements inside each other.")
         text = ElementTree.tostring(root, encoding="unicode")
-    except (OSError, ElementTree.ParseError) as error:
-        reason = error.strerror if isinstance(error, OSError) else f"must be XML: {error}"
-        raise PlantError(f"{about}: {reason}.") from error
-    except RecursionError:
-        raise PlantError(f"{about} has too many elements inside each other.") from None
+    except PlantError as error:
+        raise PlantError(f"{about}: {str(error).removeprefix(f'{file}: ')}") from error
+    except (ElementTree.ParseError, LookupError) as error:  # an encoding that is not known
+        raise PlantError(f"{about}: must be XML: {error}.") from error
     if "{{" in text:
         raise PlantError(f"{about} must not hold two braces: they stand for our numbers.")
     return root

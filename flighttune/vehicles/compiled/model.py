@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The aircraft that JSBSim loads, read for the compiled step: one main file with all its parts."""
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -68,7 +69,7 @@ class Source:
         pending = [fromstring(self.template)]
         while pending:
             for file in _parts_of(pending.pop(), self.folders.parts, self.folders.file):
-                if str(file) not in found and file.is_file():
+                if str(file) not in found and os.path.isfile(file):
                     found[str(file)] = file.read_bytes()
                     pending.append(read_xml(file, str(file)))
         parts = [(Path(name).name, text) for name, text in found.items()]
