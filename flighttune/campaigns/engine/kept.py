@@ -2,11 +2,14 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.errors import InputError, OutputError, keeping
+from flighttune.base.files.budget import KEPT, file_bytes
+from flighttune.base.files.table import json_object
 from flighttune.base.files.whole import allowed, apart, made_folder, write_text
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import Row
@@ -14,6 +17,9 @@ from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.campaigns.flying.rows import Drawn, Probes
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.fly import library_versions
+
+# What progress counts of a row, with its type.
+COUNTED = {"run": int, "status": str, "reason": str, "success": bool}
 
 
 class KeptRows:
@@ -84,20 +90,24 @@ class KeptRows:
     def _line(self, place: tuple[str, int], row: Row) -> str:
         if COMPILED in row:
             row = row | {COMPILED: row[COMPILED].text}
-        return _text({"of": self._of, "plan": place[0], "row": row}) + "\n"
+        text = _text({"of": self._of, "plan": place[0], "row": row})
+        return f"{sha256(text.encode()).hexdigest()} {text}\n"
 
     def _read(self, file: Path) -> None:
-        """Take the rows of the command from the file; none after a damaged line."""
-        try:
-            for line in file.read_text(encoding="utf-8").splitlines():
-                kept = json.loads(line)
+        """Take the rows of the command from the file; none from a damaged line on."""
+        with suppress(InputError, UnicodeDecodeError, KeyError, TypeError):
+            for line in file_bytes(file, KEPT).decode().splitlines()[: KEPT.entries]:
+                digest, _, text = line.partition(" ")
+                if digest != sha256(text.encode()).hexdigest():
+                    break
+                kept = json_object(text, str(file))
                 if kept["of"] == self._of:
                     row = kept["row"]
+                    if any(type(row[key]) is not kind for key, kind in COUNTED.items()):
+                        break
                     if COMPILED in row:
                         row[COMPILED] = CompiledFlights.stated(row[COMPILED])
                     self._rows[kept["plan"], row["run"]] = row
-        except (OSError, ValueError, KeyError, TypeError, InputError):
-            pass
 
 
 def _hash(value: Mapping[str, Any]) -> str:
