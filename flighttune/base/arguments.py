@@ -9,7 +9,7 @@ import inspect
 import numbers
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
@@ -30,7 +30,7 @@ LARGEST = 2**31
 # Most characters of the line that refuses a call.
 MAX_LINE = 1000
 
-# Built-in types. An object of another class may be an iterable that can be read only once.
+# Built-in types. An object of another class may be iterable.
 PLAIN = (type(None), bool, int, float, complex, str, bytes, list, tuple, dict, set, np.ndarray)
 
 WORDS: dict[Any, str] = {
@@ -172,9 +172,11 @@ def fits(value: Any, annotation: Any) -> bool:
     if origin is collections.abc.Callable:
         return callable(value)
     if isinstance(origin, type) and issubclass(origin, Iterable):
-        if origin is collections.abc.Iterable and not isinstance(value, PLAIN):
-            return isinstance(value, Iterable)  # an iterator can be read only once
-        entries: Any = value if _is_list(value) else None
+        several = origin is collections.abc.Iterable and not isinstance(value, PLAIN)
+        if several and isinstance(value, Iterator):  # it can be read only once
+            return True
+        several = several and isinstance(value, Iterable)
+        entries: Any = value if several or _is_list(value) else None
         return entries is not None and all(fits(each, inside[0]) for each in entries)
     if hasattr(annotation, "__metadata__"):
         return fits(value, origin if origin not in (None, typing.Annotated) else inside[0])

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -87,6 +88,9 @@ Area: TypeAlias = tuple[list[list[float]], bool]
 # KML elements that are shapes, and elements whose text is read.
 SHAPES = ("LineString", "Polygon", "Point", "Track")
 READ = ("coordinates", "coord", "altitudeMode", "value", "name")
+
+# A place in a text of KML.
+WORD = re.compile(r"\S+")
 
 # Colours of lines and areas in KML, as opacity, blue, green, red.
 STYLES = {
@@ -296,25 +300,24 @@ class _Shapes:
             self._add(text)
 
     def _add(self, text: str) -> None:
-        self._rings.append(_points(text))
-        self._places += len(self._rings[-1])
-        if self._places > budget.KML.entries:
-            raise InputError(
-                f"must have at most {budget.KML.entries} places in its shapes, got more."
-            )
+        self._rings.append([])
+        for word in WORD.finditer(text):
+            self._rings[-1].append(_point(word[0]))
+            self._places += 1
+            if self._places > budget.KML.entries:
+                raise InputError(
+                    f"must have at most {budget.KML.entries} places in its shapes, got more."
+                )
 
 
-def _points(text: str) -> list[list[float]]:
-    points = []
-    for point in text.split():
-        try:
-            points.append([float(value) for value in point.split(",")])
-        except ValueError as error:
-            raise InputError(
-                "`coordinates` must be longitude,latitude,height in numbers with points, without "
-                f"blanks after the commas, got {table.abridged(point)}."
-            ) from error
-    return points
+def _point(word: str) -> list[float]:
+    try:
+        return [float(value) for value in word.split(",", 4)]
+    except ValueError as error:
+        raise InputError(
+            "`coordinates` must be longitude,latitude,height in numbers with points, without "
+            f"blanks after the commas, got {table.abridged(word)}."
+        ) from error
 
 
 def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:
