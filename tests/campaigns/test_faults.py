@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from textwrap import dedent
 
@@ -24,6 +25,7 @@ from flown_campaigns import (
     bits,
     children,
     dask_cluster,
+    dask_worker,
     flyers,
     flying,
     gone,
@@ -218,6 +220,23 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     ft.run_campaign(ours, out, workers=2, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
+
+
+@pytest.mark.soak
+def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes(tmp_path, ours):
+    noted = Notes()
+    with dask_cluster(tmp_path, workers=0) as (address, _), ThreadPoolExecutor(1) as thread:
+        running = thread.submit(
+            ft.run_campaign, ours, tmp_path / "out", scheduler=address, observer=noted, resume=False
+        )
+        (said,) = wait_until(lambda: [*noted.heard])
+        assert f"{address}: no worker is there" in said
+        wait_until(lambda: noted.seen[-1].workers == 0)
+        assert noted.seen[-1].sentence.endswith("no worker is there")
+        with dask_worker(tmp_path):
+            assert len(running.result(240.0).rows()) == RUNS
+    assert len(noted.heard) == 2
+    assert "a worker is there" in noted.heard[1]
 
 
 def test_a_scheduler_without_workers_is_there_until_it_is_lost(tmp_path):

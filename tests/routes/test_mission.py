@@ -12,6 +12,7 @@ from fuzzing import refused_apart
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
+from flighttune.base.files import budget
 from flighttune.routes import maps, mission
 from flighttune.routes.items import listed_places
 from flighttune.routes.mission import read_route
@@ -540,10 +541,10 @@ def test_the_places_of_all_rings_of_a_map_count_together(read_text, monkeypatch)
     rings = f"<outerBoundaryIs>{around}</outerBoundaryIs><innerBoundaryIs>{hole}</innerBoundaryIs>"
     text = f"<kml><Placemark><Polygon>{rings}</Polygon></Placemark></kml>"
 
-    monkeypatch.setattr(maps, "MAX_PLACES", 12)
+    monkeypatch.setattr(budget, "KML", budget.KML._replace(entries=12))
     with pytest.raises(ft.InputError, match="at most 12 places in its shapes"):
         read_text(".kml", text)
-    monkeypatch.setattr(maps, "MAX_PLACES", 13)
+    monkeypatch.setattr(budget, "KML", budget.KML._replace(entries=13))
     with pytest.raises(ft.InputError, match="LineString"):
         read_text(".kml", text)
 

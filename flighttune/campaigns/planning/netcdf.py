@@ -221,12 +221,13 @@ class _Header:
 def _axis(path: Path, variables: dict[str, Variable], axis: str) -> FloatArray:
     """The values of an axis; InputError without any."""
     stated = next((variables[name] for name in AXES[axis] if name in variables), None)
-    if stated is None or stated.raw.ndim > 1 or not 0 < stated.raw.size <= NETCDF.entries:
+    raw = np.array([]) if stated is None else np.atleast_1d(stated.raw)
+    if raw.size > NETCDF.entries:
         raise InputError(
-            f"{path}: `{axis}` must be an axis of 1 to {NETCDF.entries} numbers, got none."
+            f"{path}: `{axis}` must have at most {NETCDF.entries} numbers, got {raw.size}."
         )
-    values = stated.floats(np.atleast_1d(stated.raw))
-    if not np.isfinite(values).all():
+    values = raw if stated is None else stated.floats(raw)
+    if values.ndim > 1 or not values.size or not np.isfinite(values).all():
         raise InputError(f"{path}: `{axis}` must be an axis of numbers, got none.")
     return values
 

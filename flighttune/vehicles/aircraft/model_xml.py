@@ -129,21 +129,20 @@ def read_xml(file: Path, subject: str) -> ElementTree.Element:
     about = subject if subject == str(file) else f"{subject}: {file}"
     try:
         data = file_bytes(file, XML, PlantError)
-        # Entities make much of few bytes, but the parser refuses their growth.
-        if data.count(b"<") > XML.entries:
-            raise PlantError(f"{file}: must have at most {XML.entries} elements, got more.")
-        root = ElementTree.fromstring(data)
-        level, depth = [root], 0
-        while level := [part for element in level for part in element]:
-            depth += 1
-            if depth > XML.depth:
-                raise PlantError(f"{file}: has too many elements inside each other.")
-        text = ElementTree.tostring(root, encoding="unicode")
     except PlantError as error:
         raise PlantError(f"{about}: {str(error).removeprefix(f'{file}: ')}") from error
+    if data.count(b"<") > XML.entries:
+        raise PlantError(f"{about} must have at most {XML.entries} elements, got more.")
+    try:
+        root = ElementTree.fromstring(data)  # which refuses entities that grow
     except (ElementTree.ParseError, LookupError) as error:  # an encoding that is not known
         raise PlantError(f"{about}: must be XML: {error}.") from error
-    if "{{" in text:
+    level = [root]
+    for _ in range(XML.depth):
+        level = [part for element in level for part in element]
+    if level:
+        raise PlantError(f"{about} has too many elements inside each other.")
+    if "{{" in ElementTree.tostring(root, encoding="unicode"):
         raise PlantError(f"{about} must not hold two braces: they stand for our numbers.")
     return root
 

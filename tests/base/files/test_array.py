@@ -10,6 +10,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.base.files.archive import opened
+from flighttune.base.files.budget import Budget
 
 
 class Trap:
@@ -45,7 +46,8 @@ def test_the_members_of_an_archive_are_bounded_together(tmp_path):
             made.writestr(name, bytes(600))
 
     def names(most):
-        with opened(tmp_path / "a.zip", "zip", "it", lambda _: True, most, 9999) as (_, names):
+        of = Budget(9999, most)
+        with opened(tmp_path / "a.zip", "zip", "it", lambda _: True, of) as (_, names):
             return names
 
     assert names(1200) == ["a", "b"]

@@ -5,6 +5,7 @@ import struct
 import sys
 import zipfile
 from functools import partial
+from hashlib import sha256
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +14,7 @@ import pytest
 from fuzzing import refused_apart
 
 import flighttune as ft
+from flighttune.base.files.load import BLANK, seal
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.kept import KeptRows
 from flighttune.campaigns.engine.pool import WorkerPool
@@ -23,6 +25,7 @@ from flighttune.routes.fence import fence_tables, read_fence
 from flighttune.routes.maps import ground_at
 from flighttune.routes.mission import read_route
 from flighttune.studies.adoption.flightgear import of_flightgear
+from flighttune.vehicles.aircraft.model_xml import read_xml
 
 MOST = 500e6
 """Memory that reading any file may take beside the program, bytes."""
@@ -95,11 +98,12 @@ def claim(kind):
 
 
 def columns(count):
-    """A column of one text again and again, which a dictionary keeps once."""
+    """Columns of one number again and again, with the right hash."""
     sink = io.BytesIO()
     table = pa.table({f"c{i}": pa.array(np.zeros(count)) for i in range(40)})
+    table = table.replace_schema_metadata({"flighttune.file": BLANK})
     pq.write_table(table, sink, compression="zstd")
-    return sink.getvalue()
+    return seal(sink.getvalue())
 
 
 def raster(side):
@@ -113,6 +117,10 @@ def raster(side):
         return memory.read()
 
 
+def hashed(text):
+    return f"{sha256(text.encode()).hexdigest()} {text}\n"
+
+
 def nested(opens, closes, depth=100_000):
     return opens * depth + closes * depth
 
@@ -123,10 +131,25 @@ BOMBS = {
     "TOML of digits": ("x.toml", ft.load_scenario, lambda: f"seed = {'9' * MB}"),
     "JSON of objects": ("x.json", ft.load_gains, lambda: '{"K_P": [' + "{}," * 5 * MB + "0]}"),
     "JSON of texts": ("x.json", forecast, lambda: '{"hourly": [' + '"ab",' * 3 * MB + "0]}"),
+    "JSON as large as it may be": (
+        "x.json",
+        forecast,
+        lambda: '{"hourly": {"time": [' + "10.5," * 2 * MB + "0]}}",
+    ),
+    "JSON of as many objects as it may have": (
+        "x.geojson",
+        read_route,
+        lambda: '{"type": [' + '{"a":""},' * MB + "0]}",
+    ),
     "JSON in itself": ("x.geojson", read_route, lambda: nested('{"a":', "}") + "1"),
     "JSON of digits": ("x.geojson", read_route, lambda: '{"type": ' + "9" * 4000 + "}"),
     "plan of items": ("x.plan", read_route, lambda: '{"mission":{"items":[' + "{}," * 5 * MB),
     "CSV": ("x.csv", forecast, lambda: "latitude\n1\ntime\n" + "12," * 5 * MB),
+    "CSV as large as it may be": (
+        "x.csv",
+        forecast,
+        lambda: "latitude\n1\ntime\n" + "12345," * 2 * MB,
+    ),
     "NetCDF of windows": ("x.nc", forecast, lambda: netcdf(120)),
     "NetCDF of an axis": ("x.nc", forecast, lambda: netcdf(2, axis=15 * MB, side=1)),
     "NetCDF of dimensions": ("x.nc", forecast, lambda: netcdf(dimensions=900_000, side=1)),
@@ -151,16 +174,26 @@ BOMBS = {
     "fence": ("x.fen", fence, lambda: "1 2\n" * 3 * MB),
     "parameters": ("x.param", flown_now, lambda: "A,1\n" * 3 * MB),
     "model": ("x-set.xml", of_flightgear, lambda: f"<a>{'<a/>' * 9 * MB}</a>"),
+    "model of an aircraft": (
+        "aircraft.xml",
+        lambda path: read_xml(path, str(path)),
+        lambda: f"<a>{'<a/>' * 9 * MB}</a>",
+    ),
+    "model as large as it may be": (
+        "x-set.xml",
+        of_flightgear,
+        lambda: f"<a>{'<abcdefgh/>' * 500_000}</a>",
+    ),
     "model in itself": ("x-set.xml", of_flightgear, lambda: nested("<a>", "</a>")),
     "arrays": (
         "x.npz",
         ft.load,
-        lambda: zipped([("claim.npy", claim("tube")), ("t.npy", bytes(300 * MB))]),
+        lambda: zipped([("claim.npy", claim("tube")), ("bounds.npy", bytes(300 * MB))]),
     ),
     "array of a shape": (
         "x.npz",
         ft.load,
-        lambda: zipped([("claim.npy", claim("tube")), ("t.npy", array((10**9,), "<f8"))]),
+        lambda: zipped([("claim.npy", claim("tube")), ("bounds.npy", array((10**9,), "<f8"))]),
     ),
     "arrays of members": (
         "x.npz",
@@ -173,7 +206,7 @@ BOMBS = {
     "Parquet": ("x.parquet", ft.load, lambda: columns(MB)),
     "raster": ("x.tif", terrain, lambda: raster(9000)),
     "recording": ("x.rrd", ft.load, lambda: b"RRF2" + bytes(20 * MB)),
-    "flights kept": ("x.jsonl", kept, lambda: nested('{"of":[', "]}")),
+    "flights kept": ("x.jsonl", kept, lambda: hashed(nested('{"of":[', "]}"))),
     "one line of flights kept": ("x.jsonl", kept, lambda: b"x" * 60 * MB),
 }
 """Name of a file, its reader and its maker."""
