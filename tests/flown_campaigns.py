@@ -172,7 +172,10 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
     Packages in the folder `path` are found by both before all others.
     """
     where = Path(folder) / "scheduler.json"
-    with _dask(folder, path, "scheduler", "--port", "0") as scheduler, ExitStack() as started:
+    with (
+        dask_process(folder, path, "scheduler", "--port", "0") as scheduler,
+        ExitStack() as started,
+    ):
         wait_until(lambda: where.exists() and where.stat().st_size)
         for _ in range(workers):
             started.enter_context(dask_worker(folder, threads, path))
@@ -182,11 +185,11 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
 def dask_worker(folder, threads=1, path=None):
     """A real worker of the scheduler of a folder, a process of its own for the block."""
     options = "--nthreads", str(threads), "--local-directory", folder
-    return _dask(folder, path, "worker", *options)
+    return dask_process(folder, path, "worker", *options)
 
 
 @contextmanager
-def _dask(folder, path, kind, *options):
+def dask_process(folder, path, kind, *options):
     loopback = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
     where = "--scheduler-file", Path(folder) / "scheduler.json"
     process = psutil.Popen(

@@ -43,28 +43,28 @@ from log_files import write_dataflash, write_tlog, write_ulog
 from made_up import made_up_scenario, run_file, scenario_file, shortened
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 from plans import HOME, PATROL, item, plan_file, terrain
+from readers import (
+    kept_flights,
+    read_description,
+    read_fence,
+    read_forecast,
+    read_parameters,
+    read_rates,
+    read_route,
+    read_terrain,
+)
 from scipy.io import netcdf_file
 
 import flighttune as ft
-from flighttune.base.files.load import BLANK, DIGITS, MARK, seal
+from flighttune.base.files import load as sealing
 from flighttune.base.files.table import tables_of
 from flighttune.campaigns.dataset import Dataset, open_dataset
-from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.engine.kept import KeptRows
-from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.planning.forecast import spread_of
-from flighttune.claims.rates_keys import load_rates
 from flighttune.control.margins import loop_margins
 from flighttune.flight.load import route_scenario
 from flighttune.flight.loop.run import Provenance
 from flighttune.flight.models import law_model
 from flighttune.flight.route import planned_route
 from flighttune.gaps.compare import load_source
-from flighttune.logs.parameters import flown_now
-from flighttune.routes.fence import fence_tables, read_fence
-from flighttune.routes.maps import ground_at
-from flighttune.routes.mission import read_route
-from flighttune.studies.adoption.flightgear import of_flightgear
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.identification.file import design_model
 from flighttune.vehicles.plants.jsbsim.trim import trim_table
@@ -256,15 +256,11 @@ def planned_whole(found):
 
 def of_map(path):
     """The route and the fence of a file: both are read, or one of them is refused."""
-    fence = read_fence(path, HOME[:2], fence_tables([path]))
+    fence = read_fence(path)
     return read_route(path), fence.start.tolist(), fence.end.tolist(), fence.low, fence.high
 
 
 CORNER_LINES = b"#corners\n47.41 8.51\n47.39 8.49\n47.39 8.53\n47.42 8.53\n47.42 8.49\n"
-
-
-def of_fence(path):
-    return read_fence(path, HOME[:2], fence_tables([path]))
 
 
 def certificate_of(name, **settings):
@@ -465,7 +461,7 @@ KINDS = {
         "x.param",
         lambda _: PARAMETERS,
         str,
-        flown_now,
+        read_parameters,
         thoroughly=beside_paper,
         files=lambda text, _: text_files(text),
     ),
@@ -547,14 +543,14 @@ def netcdf(folder):
         for name in ("u80", "v80", "u120", "v120"):
             wind = file.createVariable(name, "h", ("time", "latitude", "longitude"))
             wind.units, wind.scale_factor, wind.add_offset = "m s**-1", 0.002, 1.0
-            wind._FillValue = np.int16(-32767)
+            setattr(wind, "_FillValue", np.int16(-32767))  # noqa: B010
             wind[:] = np.arange(8).reshape(2, 2, 2) * 100
     return (folder / "x.nc").read_bytes()
 
 
 def spread(path):
     """The spread of a forecast, which is of numbers."""
-    found = spread_of(path, HOME[:2], (20.0, 100.0))
+    found = read_forecast(path)
     assert np.isfinite([*found.speed_mps, *found.from_deg]).all(), found
     return found
 
@@ -567,16 +563,9 @@ def described(folder):
 
 def flights_kept(folder):
     """The file of two flights of a command that was killed."""
-    with WorkerPool(Fliers(workers=1), at_once=False) as pool:
-        plan = ft.plan_campaign(ft.load_campaign("first_campaign"), runs=2)
-        KeptRows(folder / "x.jsonl", {}, pool).flown(plan, {})
+    plan = ft.plan_campaign(ft.load_campaign("first_campaign"), runs=2)
+    kept_flights(folder / "x.jsonl", plan)
     return (folder / "x.jsonl").read_bytes()
-
-
-def kept(path):
-    """The number of flights in such a file."""
-    with WorkerPool(Fliers(workers=1), at_once=False) as pool:
-        return len(KeptRows(path, {}, pool))
 
 
 @st.composite
@@ -600,9 +589,9 @@ KINDS |= {
             lambda data: comma_separated(data.decode("latin-1")).encode("latin-1")
         ),
     ),
-    "rates": Kind("x.toml", lambda _: RATES, to_toml, load_rates),
+    "rates": Kind("x.toml", lambda _: RATES, to_toml, read_rates),
     "description": Kind(
-        "x-set.xml", described, str, of_flightgear, files=lambda text, _: xml_files(text)
+        "x-set.xml", described, str, read_description, files=lambda text, _: xml_files(text)
     ),
 }
 
@@ -651,10 +640,10 @@ def binary_files(draw, data):
 
 def sealed_again(data):
     """The seal of a changed file put right, where it still has one."""
-    before, mark, after = data.rpartition(MARK)
-    if not mark or len(after) < DIGITS:
+    before, mark, after = data.rpartition(sealing.MARK)
+    if not mark or len(after) < sealing.DIGITS:
         return data
-    return seal(before + BLANK.encode() + after[DIGITS:])
+    return sealing.seal(before + sealing.BLANK.encode() + after[sealing.DIGITS :])
 
 
 def binary(name, data, load, use=lambda _: None):
@@ -707,9 +696,7 @@ def said_of(claim):
 
 BINARY = {
     "KMZ": binary("x.kmz", packed, of_map),
-    "terrain": binary(
-        "x.tif", raster, lambda path: ground_at(path, np.array([[47.4, 8.5], [47.41, 8.51]]))
-    ),
+    "terrain": binary("x.tif", raster, read_terrain),
     "run": binary("x.parquet", sampled, ft.load),
     "old run": binary("x.parquet", old_file("run.parquet"), ft.load),
     "tube": binary("x.npz", old_file("tube.npz"), ft.load, said_of),
@@ -722,9 +709,11 @@ BINARY = {
     "telemetry": binary("x.tlog", logged(write_tlog, "x.tlog"), ft.load_log),
     "recording": binary("x.rrd", recorded, ft.load),
     "monitor": binary("x.npz", monitored, ft.load, said_of),
-    "corners": binary("x.fen", lambda _: CORNER_LINES, of_fence),
+    "corners": binary("x.fen", lambda _: CORNER_LINES, read_fence),
     "NetCDF": binary("x.nc", netcdf, spread),
-    "kept": Kind("x.jsonl", flights_kept, bytes, kept, files=lambda data, _: kept_files(data)),
+    "kept": Kind(
+        "x.jsonl", flights_kept, bytes, kept_flights, files=lambda data, _: kept_files(data)
+    ),
 }
 """Kinds of files whose bytes are changed, and not their values."""
 

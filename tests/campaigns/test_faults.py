@@ -223,6 +223,28 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
 
 
 @pytest.mark.soak
+@pytest.mark.parametrize("stopped", [1, 2])
+def test_a_process_that_is_stopped_before_it_answers_ends_in_time(
+    tmp_path, ours, undisturbed, monkeypatch, stopped
+):
+    """By a debugger, a freezer or a drive that hangs: it cannot end itself."""
+    monkeypatch.setattr(flyer, "PREPARE_S", 3.0)
+    seen = set()
+    with ThreadPoolExecutor(1) as thread:
+        running = thread.submit(ft.run_campaign, ours, tmp_path / "out", workers=1)
+        for _ in range(stopped):
+            (process,) = wait_until(lambda: {*flyers(psutil.Process())} - seen)
+            seen.add(process)
+            process.suspend()
+        error = running.exception(180.0)
+    if stopped == 1:
+        assert error is None
+        assert bits(rows_of(tmp_path / "out")) == undisturbed
+    else:
+        assert "longer than `time_limit_s`" in str(error)
+
+
+@pytest.mark.soak
 def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes(tmp_path, ours):
     noted = Notes()
     with dask_cluster(tmp_path, workers=0) as (address, _), ThreadPoolExecutor(1) as thread:

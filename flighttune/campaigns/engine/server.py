@@ -32,13 +32,13 @@ def serve(pipe: Connection) -> None:
             work, draw = pipe.recv()
             try:
                 with _time_limit(PREPARE_S):
-                    plan, fly, granted = _prepared(work)
+                    plan, fly, granted = prepared(work)
                     take(granted)
                     with_own(plan.scenario, flown=plan.flown)  # this refuses a changed file
                 first = COMPILE_S + plan.campaign.time_limit_s
                 pipe.send(first)
                 with _time_limit(first):
-                    _warm(work)
+                    warm(work)
             except Exception as error:
                 own = isinstance(error, FlightTuneError)
                 pipe.send(str(error) if own else f"{type(error).__name__}: {error}")
@@ -58,7 +58,7 @@ def serve(pipe: Connection) -> None:
 
 
 @lru_cache(maxsize=2)
-def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
+def prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
     """The plan, a function that flies the runs of a draw, and the permission to run code."""
     wanted, content = pickle.loads(work)
     if other := changed_versions(dict.fromkeys(library_versions(), "absent") | wanted):
@@ -80,9 +80,9 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
 
 
 @lru_cache(maxsize=2)
-def _warm(work: bytes) -> None:
+def warm(work: bytes) -> None:
     """Load the code for the flights of a plan."""
-    warm_up(_prepared(work)[0])
+    warm_up(prepared(work)[0])
     # Collections would look at all that is loaded, for a tenth of a short row. What plans before
     # this one left is collected first, because frozen garbage stays for good.
     gc.unfreeze()

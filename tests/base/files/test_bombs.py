@@ -12,43 +12,25 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from fuzzing import refused_apart
+from readers import (
+    kept_flights,
+    read_description,
+    read_fence,
+    read_forecast,
+    read_model,
+    read_parameters,
+    read_rates,
+    read_route,
+    read_terrain,
+)
 
 import flighttune as ft
-from flighttune.base.files.load import BLANK, seal
-from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.engine.kept import KeptRows
-from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.planning.forecast import spread_of
-from flighttune.claims.rates_keys import load_rates
-from flighttune.logs.parameters import flown_now
-from flighttune.routes.fence import fence_tables, read_fence
-from flighttune.routes.maps import ground_at
-from flighttune.routes.mission import read_route
-from flighttune.studies.adoption.flightgear import of_flightgear
-from flighttune.vehicles.aircraft.model_xml import read_xml
+from flighttune.base.files import load
 
 MOST = 500e6
 """Memory that reading any file may take beside the program, bytes."""
 
 MB = 1_000_000
-AT = 47.4, 8.5
-
-
-def fence(path):
-    return read_fence(path, AT, fence_tables([path]))
-
-
-def forecast(path):
-    return spread_of(path, AT, (20.0, 30.0))
-
-
-def terrain(path):
-    return ground_at(path, np.array([AT]))
-
-
-def kept(path):
-    with WorkerPool(Fliers(workers=1), at_once=False) as pool:
-        return KeptRows(path, {}, pool)
 
 
 def padded(text):
@@ -101,9 +83,9 @@ def columns(count):
     """Columns of one number again and again, with the right hash."""
     sink = io.BytesIO()
     table = pa.table({f"c{i}": pa.array(np.zeros(count)) for i in range(40)})
-    table = table.replace_schema_metadata({"flighttune.file": BLANK})
+    table = table.replace_schema_metadata({"flighttune.file": load.BLANK})
     pq.write_table(table, sink, compression="zstd")
-    return seal(sink.getvalue())
+    return load.seal(sink.getvalue())
 
 
 def raster(side):
@@ -126,14 +108,14 @@ def nested(opens, closes, depth=100_000):
 
 
 BOMBS = {
-    "TOML of lists": ("x.toml", load_rates, lambda: f"flights = [{'[],' * 4 * MB}]"),
+    "TOML of lists": ("x.toml", read_rates, lambda: f"flights = [{'[],' * 4 * MB}]"),
     "TOML of words": ("x.toml", ft.load_scenario, lambda: "a" * 15 * MB),
     "TOML of digits": ("x.toml", ft.load_scenario, lambda: f"seed = {'9' * MB}"),
     "JSON of objects": ("x.json", ft.load_gains, lambda: '{"K_P": [' + "{}," * 5 * MB + "0]}"),
-    "JSON of texts": ("x.json", forecast, lambda: '{"hourly": [' + '"ab",' * 3 * MB + "0]}"),
+    "JSON of texts": ("x.json", read_forecast, lambda: '{"hourly": [' + '"ab",' * 3 * MB + "0]}"),
     "JSON as large as it may be": (
         "x.json",
-        forecast,
+        read_forecast,
         lambda: '{"hourly": {"time": [' + "10.5," * 2 * MB + "0]}}",
     ),
     "JSON of as many objects as it may have": (
@@ -144,15 +126,15 @@ BOMBS = {
     "JSON in itself": ("x.geojson", read_route, lambda: nested('{"a":', "}") + "1"),
     "JSON of digits": ("x.geojson", read_route, lambda: '{"type": ' + "9" * 4000 + "}"),
     "plan of items": ("x.plan", read_route, lambda: '{"mission":{"items":[' + "{}," * 5 * MB),
-    "CSV": ("x.csv", forecast, lambda: "latitude\n1\ntime\n" + "12," * 5 * MB),
+    "CSV": ("x.csv", read_forecast, lambda: "latitude\n1\ntime\n" + "12," * 5 * MB),
     "CSV as large as it may be": (
         "x.csv",
-        forecast,
+        read_forecast,
         lambda: "latitude\n1\ntime\n" + "12345," * 2 * MB,
     ),
-    "NetCDF of windows": ("x.nc", forecast, lambda: netcdf(120)),
-    "NetCDF of an axis": ("x.nc", forecast, lambda: netcdf(2, axis=15 * MB, side=1)),
-    "NetCDF of dimensions": ("x.nc", forecast, lambda: netcdf(dimensions=900_000, side=1)),
+    "NetCDF of windows": ("x.nc", read_forecast, lambda: netcdf(120)),
+    "NetCDF of an axis": ("x.nc", read_forecast, lambda: netcdf(2, axis=15 * MB, side=1)),
+    "NetCDF of dimensions": ("x.nc", read_forecast, lambda: netcdf(dimensions=900_000, side=1)),
     "KML": ("x.kml", read_route, lambda: f"<kml>{'<Placemark/>' * MB}</kml>"),
     "KML of places": (
         "x.kml",
@@ -171,20 +153,16 @@ BOMBS = {
         lambda: zipped(((f"{i}", b"") for i in range(100_000)), zipfile.ZIP_STORED),
     ),
     "waypoints": ("x.waypoints", read_route, lambda: "QGC WPL 110\n" + "12 " * 5 * MB),
-    "fence": ("x.fen", fence, lambda: "1 2\n" * 3 * MB),
-    "parameters": ("x.param", flown_now, lambda: "A,1\n" * 3 * MB),
-    "model": ("x-set.xml", of_flightgear, lambda: f"<a>{'<a/>' * 9 * MB}</a>"),
-    "model of an aircraft": (
-        "aircraft.xml",
-        lambda path: read_xml(path, str(path)),
-        lambda: f"<a>{'<a/>' * 9 * MB}</a>",
-    ),
+    "fence": ("x.fen", read_fence, lambda: "1 2\n" * 3 * MB),
+    "parameters": ("x.param", read_parameters, lambda: "A,1\n" * 3 * MB),
+    "model": ("x-set.xml", read_description, lambda: f"<a>{'<a/>' * 9 * MB}</a>"),
+    "model of an aircraft": ("aircraft.xml", read_model, lambda: f"<a>{'<a/>' * 9 * MB}</a>"),
     "model as large as it may be": (
         "x-set.xml",
-        of_flightgear,
+        read_description,
         lambda: f"<a>{'<abcdefgh/>' * 500_000}</a>",
     ),
-    "model in itself": ("x-set.xml", of_flightgear, lambda: nested("<a>", "</a>")),
+    "model in itself": ("x-set.xml", read_description, lambda: nested("<a>", "</a>")),
     "arrays": (
         "x.npz",
         ft.load,
@@ -204,10 +182,10 @@ BOMBS = {
         ),
     ),
     "Parquet": ("x.parquet", ft.load, lambda: columns(MB)),
-    "raster": ("x.tif", terrain, lambda: raster(9000)),
+    "raster": ("x.tif", read_terrain, lambda: raster(9000)),
     "recording": ("x.rrd", ft.load, lambda: b"RRF2" + bytes(20 * MB)),
-    "flights kept": ("x.jsonl", kept, lambda: hashed(nested('{"of":[', "]}"))),
-    "one line of flights kept": ("x.jsonl", kept, lambda: b"x" * 60 * MB),
+    "flights kept": ("x.jsonl", kept_flights, lambda: hashed(nested('{"of":[', "]}"))),
+    "one line of flights kept": ("x.jsonl", kept_flights, lambda: b"x" * 60 * MB),
 }
 """Name of a file, its reader and its maker."""
 
@@ -233,7 +211,14 @@ def test_a_name_of_any_length_is_told_in_a_line(tmp_path):
     for name in ("x" * 300, f"{'x' * 200}@{'y' * 300}", "/".join(["x" * 200] * 30)):
         for ending in (".json", ".toml", ".nc", ".plan", ".tif", ".xml"):
             path = tmp_path / f"{name}{ending}"
-            for read in (load_rates, forecast, fence, terrain, read_route, flown_now):
+            for read in (
+                read_rates,
+                read_forecast,
+                read_fence,
+                read_terrain,
+                read_route,
+                read_parameters,
+            ):
                 with pytest.raises(ft.FlightTuneError) as refusal:
                     read(path)
                 assert len(str(refusal.value).splitlines()) == 1
