@@ -228,7 +228,7 @@ def test_a_process_that_is_stopped_before_it_answers_ends_in_time(
     tmp_path, ours, undisturbed, monkeypatch, stopped
 ):
     """By a debugger, a freezer or a drive that hangs: it cannot end itself."""
-    monkeypatch.setattr(flyer, "PREPARE_S", 3.0)
+    monkeypatch.setattr(flyer, "PREPARE_S", 10.0 if stopped == 1 else 1.0)
     seen = set()
     with ThreadPoolExecutor(1) as thread:
         running = thread.submit(ft.run_campaign, ours, tmp_path / "out", workers=1)
@@ -236,6 +236,9 @@ def test_a_process_that_is_stopped_before_it_answers_ends_in_time(
             (process,) = wait_until(lambda: {*flyers(psutil.Process())} - seen)
             seen.add(process)
             process.suspend()
+        if stopped == 1:  # a new process may take its time
+            wait_until(lambda: gone([process]))
+            monkeypatch.undo()
         error = running.exception(180.0)
     if stopped == 1:
         assert error is None
@@ -256,7 +259,8 @@ def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes
         wait_until(lambda: noted.seen[-1].workers == 0)
         assert noted.seen[-1].sentence.endswith("no worker is there")
         with dask_worker(tmp_path):
-            assert len(running.result(240.0).rows()) == RUNS
+            running.result(240.0)
+    assert len(rows_of(tmp_path / "out")) == RUNS
     assert len(noted.heard) == 2
     assert "a worker is there" in noted.heard[1]
 

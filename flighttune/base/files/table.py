@@ -356,7 +356,8 @@ def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
         )
     units = fields.pop("units", None) or {}
     # An earlier version of a format has neither a field that came later nor its unit.
-    if units != {name: x for name, x in kind.UNITS.items() if name in fields or name in units}:
+    known = units if isinstance(units, dict) else {}
+    if units != {name: x for name, x in kind.UNITS.items() if name in fields or name in known}:
         raise InputError("`units` must be those of this format: nothing is converted.")
     try:
         # From text, because pydantic's strict mode accepts an array as a tuple only there.
