@@ -1,8 +1,8 @@
 """What a file may cost, whoever wrote it: one budget for each format that the package reads.
 
 Each reader takes its limits from here. A file is bounded on disk before it is read, and what it
-unpacks to before it is unpacked. Reading any file then takes at most half a gigabyte beside the
-program; recordings and logs, which hold hours of flight, take up to a gigabyte.
+unpacks to before it is unpacked. Reading a file then takes at most half a gigabyte beside the
+program. Recordings, counts and logs may hold hours of flight, and take up to a gigabyte.
 """
 
 import os
@@ -50,14 +50,14 @@ LINES = Budget(size=2**22, entries=2**17, marks=" \t,")
 # Places of a map: routes and fences have at most thousands.
 KML = Budget(size=16_000_000, unpacked=16_000_000, entries=200_000, depth=200)
 
-# Elements of a model: the largest of FlightGear's have 20,000.
+# Elements of a model, of which JSBSim's largest have some thousands.
 XML = Budget(size=8_000_000, entries=2**19, depth=200, marks="<")
 INCLUDED = Budget(size=8_000_000, entries=200, depth=60)  # files of FlightGear in one description
 
 # The list of the members of a zip archive, of which each takes ten times as much memory.
 MEMBERS = Budget(size=2**20)
 
-# Arrays: a band of 30,000 flights has 80 MB, a tube of two minutes 30 MB.
+# Arrays: a band of 30,000 flights has 80 MB, and the largest known tube unpacks to 40 MB.
 ARRAYS = Budget(size=2**28, unpacked=2**28)
 
 # Two hours of 40 signals at 100 Hz; a page of a column usually has a megabyte.
@@ -111,12 +111,6 @@ def file_bytes(
             f"{remedy}."
         )
     return data
-
-
-def check_size(what: str, size: int, budget: Budget) -> None:
-    """Refuse what unpacks to more bytes than its budget; `what` begins the message."""
-    if size > budget.unpacked:
-        raise InputError(f"{what} must have at most {budget.unpacked} bytes, got {size}.")
 
 
 def check_entries(text: str, budget: Budget) -> None:

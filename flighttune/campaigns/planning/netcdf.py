@@ -145,10 +145,10 @@ class _Header:
     def variables(self) -> dict[str, Variable]:
         """Winds and axes, as views of the bytes of the file."""
         records = self._number()
-        names, lengths = zip(*self._list(DIMENSION, self._dimension), strict=True)
+        dimensions = self._list(DIMENSION, self._dimension)
         self._list(ATTRIBUTE, self._attribute)
         stated = self._list(VARIABLE, self._variable)
-        shapes = [[lengths[i] for i in of.dimensions] for of in stated]
+        shapes = [[dimensions[i][1] for i in of.dimensions] for of in stated]
         # A variable over the dimension of length 0, which grows, has a part in each record.
         growing = [shape[:1] == [0] for shape in shapes]
         parts = [
@@ -165,10 +165,10 @@ class _Header:
             if grows:
                 shape[0], steps[0] = records, record
             raw = np.ndarray(shape, of.kind, self._data, of.begin, steps)
-            axes = tuple(AXIS.get(names[i], names[i]) for i in of.dimensions)
+            over = [dimensions[i][0] for i in of.dimensions]
             found[of.name] = Variable(
-                axes,
-                raw,
+                axes=tuple(AXIS.get(name, name) for name in over),
+                raw=raw,
                 unit=of.attributes.get("units", EMPTY).tobytes().decode("utf-8"),
                 scale=float(of.attributes.get("scale_factor", ONE)[0]),
                 offset=float(of.attributes.get("add_offset", ZERO)[0]),

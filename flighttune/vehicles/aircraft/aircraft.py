@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, PrivateAttr
 
 from flighttune.base import quantities as q
 from flighttune.base.errors import InputError, printable
+from flighttune.base.files.budget import SEALED, file_bytes
 from flighttune.base.files.shipped import aircraft_folder
 from flighttune.base.files.table import hash_of, json_tables, stamp, toml_tables, validated
 from flighttune.base.files.whole import UNFINISHED, settle, write_text
@@ -449,7 +450,7 @@ def files_hash(aircraft: str) -> str:
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         unfinished = any(part.startswith(UNFINISHED) for part in file.relative_to(folder).parts)
         if file.suffix in (".xml", ".toml", ".json") and not unfinished:
-            content = file.read_bytes()
+            content = file_bytes(file, SEALED)
             digest.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
             digest.update(content)
     return digest.hexdigest()
