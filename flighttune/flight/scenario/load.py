@@ -436,7 +436,7 @@ def existing_file(
 ) -> Path:
     """A file, or a shipped file by its name, perhaps with ending and one of its `folders`."""
     file = Path(path)
-    if os.path.isfile(file):
+    if file.is_file():
         if file.suffix.lower() not in ("", ".toml"):
             also = "a file of another kind that the command reads"
             raise ScenarioError(f"{path}: must be a {kind} (.toml), or {also}, got {file.suffix}.")
