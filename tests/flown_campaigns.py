@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from copy import deepcopy
 from pathlib import Path
 from unittest import mock
@@ -171,36 +171,40 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
 
     Packages in the folder `path` are found by both before all others.
     """
-    folder = Path(folder)
-    dask, where = [sys.executable, "-m", "dask"], folder / "scheduler.json"
-    loopback = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
-    quiet = {
-        "cwd": folder,
-        "stdout": subprocess.DEVNULL,
-        "stderr": subprocess.DEVNULL,
-        "env": os.environ if path is None else {**os.environ, "PYTHONPATH": str(path)},
-    }
-    started = [
-        psutil.Popen(
-            [*dask, "scheduler", *loopback, "--port", "0", "--scheduler-file", where], **quiet
-        )
-    ]
-    try:
+    where = Path(folder) / "scheduler.json"
+    with (
+        dask_process(folder, path, "scheduler", "--port", "0") as scheduler,
+        ExitStack() as started,
+    ):
         wait_until(lambda: where.exists() and where.stat().st_size)
-        started += [
-            psutil.Popen(
-                [*dask, "worker", *loopback, "--scheduler-file", where, "--nthreads", str(threads),
-                 "--local-directory", folder],
-                **quiet,
-            )
-            for _ in range(workers)
-        ]  # fmt: skip
-        yield json.loads(where.read_text())["address"], started[0]
+        for _ in range(workers):
+            started.enter_context(dask_worker(folder, threads, path))
+        yield json.loads(where.read_text())["address"], scheduler
+
+
+def dask_worker(folder, threads=1, path=None):
+    """A real worker of the scheduler of a folder, a process of its own for the block."""
+    options = "--nthreads", str(threads), "--local-directory", folder
+    return dask_process(folder, path, "worker", *options)
+
+
+@contextmanager
+def dask_process(folder, path, kind, *options):
+    loopback = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
+    where = "--scheduler-file", Path(folder) / "scheduler.json"
+    process = psutil.Popen(
+        [sys.executable, "-m", "dask", kind, *loopback, *where, *options],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=os.environ if path is None else {**os.environ, "PYTHONPATH": str(path)},
+    )
+    try:
+        yield process
     finally:
-        below = [one for process in started for one in children(process)]
-        for process in started:
-            process.kill()
-            process.wait()
+        below = children(process)
+        process.kill()
+        process.wait()
         for one in below:
             with suppress(psutil.NoSuchProcess):
                 one.kill()

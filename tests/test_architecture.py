@@ -31,7 +31,7 @@ ONLY_IN = {
     # A recording names the runs it was drawn from.
     "rerun": ("outputs/recording", "flight/records/parquet.py"),
     "starlette": "outputs/live/server.py",
-    "uvicorn": "outputs/live/server.py",
+    "uvicorn": "outputs/live/",
 }  # a file, or the folder it may be used in
 
 

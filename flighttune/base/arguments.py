@@ -9,7 +9,7 @@ import inspect
 import numbers
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import got, is_number
 from flighttune.base.errors import InputError
+from flighttune.base.files.budget import is_name
 from flighttune.base.signatures import short_signature
 
 Call = TypeVar("Call", bound=Callable[..., Any])
@@ -29,10 +30,7 @@ LARGEST = 2**31
 # Most characters of the line that refuses a call.
 MAX_LINE = 1000
 
-# Longest path, and longest part of a path, bytes.
-MAX_PATH, MAX_PART = 4096, 255
-
-# Built-in types. An object of another class may be an iterable that can be read only once.
+# Built-in types. An object of another class may be iterable.
 PLAIN = (type(None), bool, int, float, complex, str, bytes, list, tuple, dict, set, np.ndarray)
 
 WORDS: dict[Any, str] = {
@@ -102,7 +100,7 @@ def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, A
                 continue
             if not fits(each, annotation):
                 raise InputError(_misfit(name, each, annotation))
-            if isinstance(each, str | PurePath) and not _is_name(str(each)):
+            if isinstance(each, str | PurePath) and not is_name(each):
                 raise InputError(
                     f"`{name}` must be a name or path that files can have, got {got(str(each))}."
                 )
@@ -124,11 +122,6 @@ def _misfit(name: str, value: Any, annotation: Any) -> str:
 
 def _is_union(annotation: Any) -> bool:
     return typing.get_origin(annotation) in (typing.Union, types.UnionType)
-
-
-def _is_name(text: str) -> bool:
-    parts = text.encode(errors="surrogateescape").split(b"/")
-    return "\0" not in text and len(text) < MAX_PATH and max(map(len, parts)) <= MAX_PART
 
 
 @functools.cache
@@ -179,9 +172,11 @@ def fits(value: Any, annotation: Any) -> bool:
     if origin is collections.abc.Callable:
         return callable(value)
     if isinstance(origin, type) and issubclass(origin, Iterable):
-        if origin is collections.abc.Iterable and not isinstance(value, PLAIN):
-            return isinstance(value, Iterable)  # an iterator can be read only once
-        entries: Any = value if _is_list(value) else None
+        several = origin is collections.abc.Iterable and not isinstance(value, PLAIN)
+        if several and isinstance(value, Iterator):  # it can be read only once
+            return True
+        several = several and isinstance(value, Iterable)
+        entries: Any = value if several or _is_list(value) else None
         return entries is not None and all(fits(each, inside[0]) for each in entries)
     if hasattr(annotation, "__metadata__"):
         return fits(value, origin if origin not in (None, typing.Annotated) else inside[0])

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Self, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+from flighttune.base.files.budget import MAX_NAME, MAX_PATH
+
 
 class Table(BaseModel):
     """A table of a file: unknown keys and other types are refused, and it does not change."""
@@ -121,20 +123,19 @@ LoadFactors: TypeAlias = Annotated[tuple[LoadFactor, LoadFactor], *Rising]
 # Longest name of gains, a plant or an aircraft's folder: together they name a file.
 MAX_BYTES = 80
 
-# Longest part of a path on any file system.
-MAX_BYTES_OF_PART = 255
-
 
 def short(value: str) -> str:
     """The value, a name or path, if file systems allow it; else a ValueError."""
     *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
-    if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
+    if name > MAX_BYTES or max(above, default=0) > MAX_NAME or "\0" in value:
         raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")
     return value
 
 
 # Longest name of something that ships with flighttune, or longest path.
-PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(short)]
+PathName: TypeAlias = Annotated[
+    str, Field(min_length=1, max_length=MAX_PATH), AfterValidator(short)
+]
 
 # Name of a gain set, a law or a plant.
 Name: TypeAlias = Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(short)]

@@ -23,6 +23,7 @@ from filelock import FileLock, Timeout
 
 from flighttune.base.errors import InputError, OutputError, RecordingError
 from flighttune.base.files import owned, parquet
+from flighttune.base.files.budget import PARQUET, file_bytes
 from flighttune.base.files.load import CAMPAIGN
 from flighttune.base.files.table import hash_of
 from flighttune.base.files.whole import allowed, reason_of, remove_unfinished, whole_file
@@ -142,8 +143,7 @@ class Dataset:
         """The rows of one file; RecordingError if the file was damaged or changed."""
         path = self.folder / part.path
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
-        with allowed(path, "readable"):
-            data = path.read_bytes()
+        data = file_bytes(path, PARQUET)
         if Part.holding(part.runs, data) != part:
             raise RecordingError(
                 f"{path}: is damaged or was changed: it must have the hash in its name; "

@@ -65,9 +65,8 @@ def read_counted(
     One that is `unfinished` must be of the libraries and the machine here.
     """
     load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
-    size = 4 * MAX_NUMBERS + 2**24
     with naming(path):
-        arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
+        arrays = array.read_arrays(Path(path), "band", ARRAYS, ("extremes",))
         then = json_object(str(arrays.pop("versions", "{}")), "`versions`")
         if unfinished and (other := other_libraries(then)):
             raise InputError(f"was flown with other libraries: {other}")

@@ -1,6 +1,7 @@
 """Missions: planned, counted inside a fence, and with the room to turn back."""
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -636,7 +637,7 @@ def mission_plan(
     Its path is checked against `fences`, or against the mission's own fence. The route of a band
     file is written with its corridor; `of_route` are further arguments of `route`.
     """
-    if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
+    if out is not None and os.path.exists(out) and os.path.exists(source) and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     if band := counting.kept_band(source):
         if any(of_route.values()):

@@ -38,7 +38,6 @@ from flighttune.logs.checks import refuse_wrong
 MIN_LOGS = 3
 # Unjudged beginning of a log, s: an autopilot that takes over has a transient.
 SETTLED_S = 8.0
-MAX_BYTES = 2**25
 # Maximum share of a log's samples in another log: above it, one log is part of the other.
 SHARED = 0.9
 DIGITS = 12  # rounding of these samples, since interpolation between samples rounds
@@ -467,7 +466,7 @@ def load_monitor(path: str | Path) -> LogMonitor:
     """Read a monitor of logs; InputError names the file and the fault."""
     sealed_bytes(Path(path), "monitor", "make it again with flighttune monitor")
     with naming(path):
-        arrays = read_arrays(Path(path), "monitor", {"monitor": TEXT}, MAX_BYTES, MAX_BYTES)
+        arrays = read_arrays(Path(path), "monitor", {"monitor": TEXT})
         return value_of(json_object(str(arrays["monitor"]), "`monitor`"), LogMonitor)
 
 

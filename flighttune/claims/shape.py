@@ -9,9 +9,11 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
+from flighttune.base.files.budget import ARRAYS
 
-# Maximum number of windows of a flight, and of numbers kept of all counted flights.
-MAX_WINDOWS, MAX_NUMBERS = 200, 2**27
+# Maximum number of windows of a flight, and of numbers kept of all counted flights, in four bytes
+# each: a file has room for the rest of its count too.
+MAX_WINDOWS, MAX_NUMBERS = 200, ARRAYS.unpacked // 4 - 2**22
 
 # Maximum number of windows of residual signals, which a tube adds up over time. While a command
 # moves they cross zero within some samples, and a longer window has their extremes at all of its

@@ -169,13 +169,9 @@ class CampaignDisplay(CampaignObserver):
         self._task = None if bar is None else bar.add_task("starting", total=None)
         self._last_line_at = -LINE_EVERY_S
         self._doing = ""
-        self._warned = False
 
     def see(self, progress: CampaignProgress) -> None:
         """Show the progress of the campaign."""
-        if progress.doing == "flying" and not progress.workers and not self._warned:
-            self._warned = True
-            self.hear("no worker is there yet; waiting for one")
         now, new, text = time.monotonic(), progress.doing != self._doing, progress.sentence
         self._doing = progress.doing
         if self._bar is not None:

@@ -78,7 +78,7 @@ def _written(
 ) -> Path:
     if os.path.exists(file):  # false for a name that is too long, which writing reports
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
-    if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
+    if aircraft is not None and os.path.isfile(Path(aircraft) / "aircraft.toml"):
         aircraft = str(Path(aircraft).resolve())
     for option, value in (("overshoot", overshoot), ("settle", settle)):
         if value is not None and not 0.0 < value < math.inf:

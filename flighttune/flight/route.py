@@ -1,6 +1,7 @@
 """The plan of a route for an aircraft, before any flight: stretches, turns and times."""
 
 import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -216,7 +217,7 @@ def mission_scenario(
     """The scenario of a mission; None for another source."""
     file = Path(source)
     if (ending := file.suffix.lower()) not in ROUTE_FILES:
-        if ending not in ("", ".toml") and file.is_file() and not kind_of(file):
+        if ending not in ("", ".toml") and os.path.isfile(file) and not kind_of(file):
             raise InputError(
                 f"{file}: must be {KINDS}, or a scenario or campaign (.toml), got {file.suffix}."
             )

@@ -1,6 +1,7 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -144,7 +145,7 @@ def load_source(
     name = str(name)
     # After an ``@`` a gain set, a plant or a label selects runs. A scenario also takes a file of
     # gains or a gain set that it does not list. A log takes ``START:END``, a part of it in s.
-    place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
+    place, _, choice = name.partition("@") if not os.path.exists(name) else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
         scenario = load.load_scenario(place, changes=changes, gains=[choice] if choice else ())
         # Each of these flights decides what is said, so that none is compiled.

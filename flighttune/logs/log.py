@@ -1,6 +1,7 @@
 """A log of a real flight as a run: its signals, units and signs on one time base, NaN in gaps."""
 
 import math
+import os
 import re
 import tomllib
 from collections import defaultdict
@@ -303,7 +304,7 @@ def load_log(
 
 def load_part(name: str, columns: Columns) -> Run:
     """A log, or its part ``LOG@START:END`` (s, either may be empty) or ``LOG@MODE``."""
-    place, _, part = (name, "", "") if Path(name).exists() else name.partition("@")
+    place, _, part = (name, "", "") if os.path.exists(name) else name.partition("@")
     if ":" not in part:
         return load_log(place, columns=columns, mode=part)
     first, _, last = part.partition(":")

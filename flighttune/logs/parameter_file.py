@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files.budget import LINES, check_entries, file_bytes, opened
 from flighttune.base.files.table import abridged
-from flighttune.base.files.whole import reason_of
 
 # MAVLink's component number of the autopilot.
 AUTOPILOT = 1
@@ -75,7 +75,8 @@ def changed_text(path: Path, changes: Mapping[str, float], comment: Sequence[str
     first = min(rows)
     end = "\r\n" if lines[first].endswith("\r\n") else "\n"
     lines[first:first] = [f"# {line}{end}" for line in comment]
-    mark = MARK if path.read_bytes().startswith(MARK.encode()) else ""
+    with opened(path) as file:
+        mark = MARK if file.read(len(MARK.encode())) == MARK.encode() else ""
     return mark + "".join(lines)
 
 
@@ -94,10 +95,14 @@ def number_text(value: float) -> str:
 def _lines(path: Path) -> list[str]:
     """The lines of a file with their ends, without a mark of the byte order."""
     try:
-        return path.read_bytes().decode("utf-8-sig").splitlines(keepends=True)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = reason_of(error) if isinstance(error, OSError) else "a binary file"
-        raise InputError(f"{path}: must be a file of parameters or a log, got {reason}.") from error
+        text = file_bytes(path, LINES, InputError).decode("utf-8-sig")
+        with naming(path):
+            check_entries(text, LINES)
+        return text.splitlines(keepends=True)
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: must be a file of parameters or a log, got a binary file."
+        ) from error
 
 
 def _row(text: str, place: str) -> Row:

@@ -1,6 +1,7 @@
 """Parameters of an autopilot, from the file of a ground station or from a log, as a law."""
 
 import math
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -69,7 +70,7 @@ class Flown(NamedTuple):
 def flown_now(path: str | Path, version: str | None = None) -> Flown:
     """The guidance of a parameter file or log; `version`: the autopilot's, if the file has none."""
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError(f"{path}: must be a file of parameters or a log, got no such file.")
     logged = read_parameters(path)
     values, vehicle, stated, others = read_text(path) if logged is None else (*logged, {})

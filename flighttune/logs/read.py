@@ -20,8 +20,9 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, RecordingError, need
+from flighttune.base.files.budget import LOG, opened
 from flighttune.base.files.load import kind_of_log
-from flighttune.base.files.whole import allowed
+from flighttune.base.files.table import first_line
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.flight.apart import apart
 
@@ -39,9 +40,6 @@ class Column(NamedTuple):
 # Sources of each signal, from the kind of a log and the columns of a table.
 Places: TypeAlias = Callable[[str, list[str]], Mapping[str, list[Column]]]
 
-# Memory for reading a log, on top of the memory of this process, bytes.
-MAX_MEMORY = 900_000_000
-
 # Limit of processor time, s, and its increase per byte.
 PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
 
@@ -53,8 +51,6 @@ STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
 
 MAV_PARAM_TYPE_REAL32 = 9  # MAVLink's number of the type; smaller types are integers
 
-MAX_CELLS = 50_000_000  # maximum numbers of a table, rows times columns
-
 # Exceptions that only a mistake in this module raises; damaged files raise others too.
 OWN = (AttributeError, NameError)
 
@@ -65,8 +61,10 @@ class _OwnFaultError(RuntimeError):
 
 def _kind_of(path: Path) -> str:
     """Kind of a log by its first bytes, or ``csv`` by its ending; empty for other files."""
-    with allowed(path, "readable"), path.open("rb") as file:
+    with opened(path) as file:
         head = file.read(16)
+        if os.fstat(file.fileno()).st_size > LOG.size:
+            raise RecordingError(f"{path}: the file must have at most {LOG.size} bytes, got more.")
     kind, table = kind_of_log(head), path.suffix.lower() == ".csv"
     return "csv" if table and kind in ("", "MAVLink") else kind
 
@@ -143,10 +141,10 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
         raise
     except MemoryError as error:
         raise RecordingError(
-            f"{path}: must be read in {MAX_MEMORY / 1e6:g} MB, got a log that takes more."
+            f"{path}: must be read in {LOG.unpacked / 1e6:g} MB, got a log that takes more."
         ) from error
     except Exception as error:
-        got = f"{type(error).__name__}: {next(iter(str(error).splitlines()), '')}"[:160]
+        got = f"{type(error).__name__}: {first_line(error)}"
         raise RecordingError(
             f"{path}: must be a {kind} log, got a damaged one, or one of a form that "
             f"is not known ({got})."
@@ -165,7 +163,7 @@ def _confine(patience: float) -> None:
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_PROF, patience)
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    most = used * resource.getpagesize() + MAX_MEMORY
+    most = used * resource.getpagesize() + LOG.unpacked
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -308,7 +306,7 @@ def _encoding(path: Path) -> str:
 def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], str]:
     import pandas as pd
 
-    rows = MAX_CELLS // len(sources)
+    rows = LOG.entries // len(sources)
     table = _table(path, usecols=sources, nrows=rows, dtype_backend="numpy_nullable")
     values = {
         name: pd.to_numeric(table[name], errors="coerce").to_numpy(float, na_value=np.nan)

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from flighttune.base.errors import InputError
+from flighttune.base.files.budget import LINES, check_entries
 from flighttune.base.files.table import abridged
 from flighttune.routes.maps import ground_at, json_bool, json_number, json_part
 
@@ -627,6 +628,7 @@ def _numbers(words: Sequence[str]) -> list[float]:
 
 def stated_lines(text: str) -> list[str]:
     """Lines that are neither comments nor blank."""
+    check_entries(text, LINES)
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
     if len(lines) > MAX_ITEMS + 2:  # the first lines name the format and home
         raise InputError(f"must have at most {MAX_ITEMS} items, got {len(lines)} lines.")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -14,7 +15,7 @@ from geographiclib.geodesic import Geodesic
 
 from flighttune.base.arrays import FloatArray, Floats
 from flighttune.base.errors import InputError, naming
-from flighttune.base.files import archive, table
+from flighttune.base.files import archive, budget, table
 from flighttune.base.files.xml import node
 from flighttune.base.units import DEG
 from flighttune.routes.path import STEP
@@ -88,11 +89,8 @@ Area: TypeAlias = tuple[list[list[float]], bool]
 SHAPES = ("LineString", "Polygon", "Point", "Track")
 READ = ("coordinates", "coord", "altitudeMode", "value", "name")
 
-# Maximum number of places in a KML file: routes and fences have at most thousands.
-MAX_PLACES = 200_000
-
-# Maximum nesting of KML elements.
-MAX_DEPTH = 200
+# A place in a text of KML.
+WORD = re.compile(r"\S+")
 
 # Colours of lines and areas in KML, as opacity, blue, green, red.
 STYLES = {
@@ -149,7 +147,8 @@ def map_file(path: Path, endings: Sequence[str], kinds: str) -> tuple[str, Any]:
     if ending == ".kmz":
         return "kml", _kmz_text(path)
     if ending in (".kml", *PLANNER):
-        return "kml" if ending == ".kml" else "planner", table.file_text(path)
+        kind, of = ("kml", budget.KML) if ending == ".kml" else ("planner", budget.LINES)
+        return kind, table.file_text(path, of)
     tables = table.json_tables(path)
     return "plan" if ending == ".plan" or "mission" in tables else "geojson", tables
 
@@ -160,8 +159,8 @@ def _kmz_text(path: Path) -> str:
     def is_kml(name: str) -> bool:
         return name.lower().endswith(".kml")
 
-    said, most = ("zip archive with a .kml file", "its .kml"), table.MAX_BYTES
-    with naming(path), archive.opened(path, *said, is_kml, most, most) as (file, names):
+    said = "zip archive with a .kml file", "its .kml"
+    with naming(path), archive.opened(path, *said, is_kml, budget.KML) as (file, names):
         if len(names) != 1:
             got = f": {table.abridged(', '.join(names))}" * bool(names)
             raise InputError(f"must hold one .kml file, got {len(names)}{got}.")
@@ -254,7 +253,7 @@ class _Shapes:
         kind = tag.rpartition("}")[2]
         if self._inside and self._inside[-1] in READ:  # its text ends here
             self._put_text(self._inside[-1], self._inside[-2:-1])
-        if len(self._inside) > MAX_DEPTH:
+        if len(self._inside) > budget.KML.depth:
             raise InputError("must not be nested so deeply.")
         if kind == "Placemark":
             self._name = ""
@@ -301,23 +300,24 @@ class _Shapes:
             self._add(text)
 
     def _add(self, text: str) -> None:
-        self._rings.append(_points(text))
-        self._places += len(self._rings[-1])
-        if self._places > MAX_PLACES:
-            raise InputError(f"must have at most {MAX_PLACES} places in its shapes, got more.")
+        self._rings.append([])
+        for word in WORD.finditer(text):
+            self._rings[-1].append(_point(word[0]))
+            self._places += 1
+            if self._places > budget.KML.entries:
+                raise InputError(
+                    f"must have at most {budget.KML.entries} places in its shapes, got more."
+                )
 
 
-def _points(text: str) -> list[list[float]]:
-    points = []
-    for point in text.split():
-        try:
-            points.append([float(value) for value in point.split(",")])
-        except ValueError as error:
-            raise InputError(
-                "`coordinates` must be longitude,latitude,height in numbers with points, without "
-                f"blanks after the commas, got {table.abridged(point)}."
-            ) from error
-    return points
+def _point(word: str) -> list[float]:
+    try:
+        return [float(value) for value in word.split(",", 4)]
+    except ValueError as error:
+        raise InputError(
+            "`coordinates` must be longitude,latitude,height in numbers with points, without "
+            f"blanks after the commas, got {table.abridged(word)}."
+        ) from error
 
 
 def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:

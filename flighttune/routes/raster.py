@@ -5,6 +5,7 @@ opened by one driver, without the files beside it, and only blocks near the requ
 read.
 """
 
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,8 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, need
+from flighttune.base.files.budget import BLOCK, BLOCKS, RASTER
+from flighttune.base.files.table import first_line
 
 # Driver by the ending of a file; all others are GeoTIFF.
 TILE, DRIVERS = ".hgt", {".hgt": "SRTMHGT"}
@@ -29,15 +32,8 @@ ALONE = {
     "GDAL_CACHEMAX": 64,
 }
 
-# Maximum bytes of one block, which GDAL unpacks whole, of the blocks that are read together, and of
-# all blocks that are read.
-MAX_BLOCK, TOGETHER, MAX_READ = 64_000_000, 32_000_000, 4_000_000_000
-
 # Maximum rows and columns of posts in one read.
 SIDE = 512
-
-# Maximum number of TIFF directories that are checked: one of them masks the posts.
-MAX_DIRECTORIES = 32
 
 METRES = "", "m", "metre", "meter", "metres", "meters"
 
@@ -63,7 +59,7 @@ def _opened(file: Path) -> Iterator[Any]:
     except InputError:
         raise
     except Exception as error:  # a damaged file raises a dozen kinds of errors
-        reason = next(iter(str(error).splitlines()), type(error).__name__).rstrip(".")
+        reason = first_line(error if str(error) else type(error).__name__)
         if file.suffix.lower() == TILE:
             reason += "; .hgt files are named by a corner, as N47E008.hgt, and have 1201 or 3601 "
             reason += "posts to a side"
@@ -77,7 +73,7 @@ def ground_heights(file: Path, places: FloatArray) -> FloatArray:
     need("`--terrain`", "rasterio")
     from rasterio.warp import transform
 
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise InputError("there is no such file of a terrain.")
     with _opened(file) as data:
         _check(file, data)
@@ -111,7 +107,7 @@ def _check(file: Path, data: Any) -> None:
     if any(flag.name == "per_dataset" for flag in data.mask_flag_enums[0]):
         import rasterio
 
-        for number in range(2, MAX_DIRECTORIES):
+        for number in range(2, BLOCK.entries):
             try:
                 with rasterio.open(f"GTIFF_DIR:{number}:{file.resolve()}", driver="GTiff") as other:
                     _check_block(other)
@@ -121,9 +117,9 @@ def _check(file: Path, data: Any) -> None:
 
 def _check_block(data: Any) -> None:
     rows, columns = data.block_shapes[0]
-    if (size := rows * columns * np.dtype(data.dtypes[0]).itemsize) > MAX_BLOCK:
+    if (size := rows * columns * np.dtype(data.dtypes[0]).itemsize) > BLOCK.unpacked:
         raise InputError(
-            f"must have blocks of at most {MAX_BLOCK} bytes, got {size}: `gdal_translate -co "
+            f"must have blocks of at most {BLOCK.unpacked} bytes, got {size}: `gdal_translate -co "
             "TILED=YES` makes smaller ones."
         )
 
@@ -158,14 +154,14 @@ def _parts(
     (top, left), (below, right) = low // block[:, None], (low + 1) // block[:, None]
     index = [row * size[1] + column for row in (top, below) for column in (left, right)]
     read = each * len(np.unique(index))
-    if read > MAX_READ:
+    if read > RASTER.unpacked:
         raise InputError(
-            f"must have at most {MAX_READ} bytes in the blocks below the path, got {read}: "
+            f"must have at most {RASTER.unpacked} bytes in the blocks below the path, got {read}: "
             "`gdal_translate -co TILED=YES` makes smaller ones."
         )
     # Small blocks are read together, up to the size of the cache.
     wide = max(1, SIDE // int(block[1]))
-    high = max(1, min(SIDE // int(block[0]), TOGETHER // (each * wide)))
+    high = max(1, min(SIDE // int(block[0]), BLOCKS.unpacked // (each * wide)))
     group = low // (block * [high, wide])[:, None]
     keys = np.concatenate([group, low // SIDE])
     order = np.lexsort(keys[::-1])

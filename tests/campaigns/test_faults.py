@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from textwrap import dedent
 
@@ -24,6 +25,7 @@ from flown_campaigns import (
     bits,
     children,
     dask_cluster,
+    dask_worker,
     flyers,
     flying,
     gone,
@@ -218,6 +220,49 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     ft.run_campaign(ours, out, workers=2, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("stopped", [1, 2])
+def test_a_process_that_is_stopped_before_it_answers_ends_in_time(
+    tmp_path, ours, undisturbed, monkeypatch, stopped
+):
+    """By a debugger, a freezer or a drive that hangs: it cannot end itself."""
+    monkeypatch.setattr(flyer, "PREPARE_S", 10.0 if stopped == 1 else 1.0)
+    seen = set()
+    with ThreadPoolExecutor(1) as thread:
+        running = thread.submit(ft.run_campaign, ours, tmp_path / "out", workers=1)
+        for _ in range(stopped):
+            (process,) = wait_until(lambda: {*flyers(psutil.Process())} - seen)
+            seen.add(process)
+            process.suspend()
+        if stopped == 1:  # a new process may take its time
+            wait_until(lambda: gone([process]))
+            monkeypatch.undo()
+        error = running.exception(180.0)
+    if stopped == 1:
+        assert error is None
+        assert bits(rows_of(tmp_path / "out")) == undisturbed
+    else:
+        assert "longer than `time_limit_s`" in str(error)
+
+
+@pytest.mark.soak
+def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes(tmp_path, ours):
+    noted = Notes()
+    with dask_cluster(tmp_path, workers=0) as (address, _), ThreadPoolExecutor(1) as thread:
+        running = thread.submit(
+            ft.run_campaign, ours, tmp_path / "out", scheduler=address, observer=noted, resume=False
+        )
+        (said,) = wait_until(lambda: [*noted.heard])
+        assert f"{address}: no worker is there" in said
+        wait_until(lambda: noted.seen[-1].workers == 0)
+        assert noted.seen[-1].sentence.endswith("no worker is there")
+        with dask_worker(tmp_path):
+            running.result(240.0)
+    assert len(rows_of(tmp_path / "out")) == RUNS
+    assert len(noted.heard) == 2
+    assert "a worker is there" in noted.heard[1]
 
 
 def test_a_scheduler_without_workers_is_there_until_it_is_lost(tmp_path):

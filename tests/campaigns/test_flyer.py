@@ -10,8 +10,8 @@ from contextvars import copy_context
 import pytest
 
 import flighttune as ft
+from flighttune.campaigns.engine import server
 from flighttune.campaigns.engine.flyer import Flyer, work_of
-from flighttune.campaigns.engine.server import _prepared
 
 
 def test_a_process_that_cannot_start_names_the_file_that_it_needs(tmp_path, monkeypatch):
@@ -52,12 +52,14 @@ def test_a_process_keeps_nothing_of_the_plans_before():
         left.itself, kept = left, weakref.ref(left)
         gc.freeze()  # as after the plan before
         del left
-        _prepared.cache_clear()
+        server.prepared.cache_clear()
+        server.warm.cache_clear()
         work = work_of(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=1), {})
-        copy_context().run(_prepared, work)  # a process takes over the permission of its command
+        copy_context().run(server.warm, work)  # a process takes over the permission of its command
     finally:
         gc.unfreeze()
         gc.enable()
-        _prepared.cache_clear()
+        server.prepared.cache_clear()
+        server.warm.cache_clear()
 
     assert kept() is None

@@ -870,7 +870,8 @@ def flying(stop_after, flown):
                 raise StoppedError("the observer stopped the flights.")
             flown.append((plan.campaign.seed, run))
             kept = [run / 3.0, math.nan]
-            yield {"run": run, "kept": kept, "status": "completed", "success": True}
+            row = {"run": run, "kept": kept, "status": "completed", "reason": "", "success": True}
+            yield row
 
     pool = SimpleNamespace(observer=ft.CampaignObserver(), progress=CampaignProgress())
     pool.rows = rows

@@ -118,17 +118,6 @@ def test_without_a_terminal_a_campaign_prints_a_line_for_each_activity_and_every
     ]  # fmt: skip
 
 
-def test_a_campaign_without_a_worker_says_so_once():
-    stderr = io.StringIO()
-    with redirect_stderr(stderr), show.campaign_display() as display:
-        display.see(campaign(doing="planning", workers=0))
-        display.see(campaign(workers=2))
-        assert "no worker" not in stderr.getvalue()
-        display.see(campaign(workers=0))
-        display.see(campaign(workers=0))
-    assert stderr.getvalue().count("no worker is there yet; waiting for one\n") == 1
-
-
 @pytest.mark.parametrize(
     ("kept", "said"),
     [

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flighttune.base.errors import InputError
 from flighttune.base.files import archive, load, table, whole
+from flighttune.base.files.budget import ARRAYS
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 
@@ -27,12 +28,7 @@ def write_sealed(path: str | Path, arrays: Mapping[str, Any]) -> None:
 
 
 def read_arrays(
-    path: Path,
-    kind: str,
-    kinds: Mapping[str, "np.dtype[Any]"],
-    max_bytes: int,
-    max_compressed: int,
-    unbounded: Collection[str] = (),
+    path: Path, kind: str, kinds: Mapping[str, "np.dtype[Any]"], unbounded: Collection[str] = ()
 ) -> Arrays:
     """Arrays of a file, of these types and finite unless `unbounded`; the first is required."""
 
@@ -43,7 +39,7 @@ def read_arrays(
 
     arrays: Arrays = {}
     said = f"{kind} of flighttune", f"the arrays of a {kind}"
-    with archive.opened(path, *said, known, max_bytes, max_compressed) as (file, names):
+    with archive.opened(path, *said, known, ARRAYS) as (file, names):
         for name in names:
             with file.open(name) as member:
                 array = np.lib.format.read_array(member, allow_pickle=False)

@@ -7,6 +7,7 @@ which is never compressed; an archive has it in its comment.
 """
 
 import hashlib
+import os
 import re
 import struct
 import zlib
@@ -18,7 +19,7 @@ from typing import Any, BinaryIO
 from zipfile import ZIP_DEFLATED, ZIP_STORED
 
 from flighttune.base.errors import RecordingError
-from flighttune.base.files import table, whole
+from flighttune.base.files import budget, table, whole
 
 MARK = b"SHA-256="
 DIGITS = 64
@@ -49,9 +50,6 @@ SHOWN = {
 
 # Bytes at the beginning of a file, or of its first array, that hold its `format`
 HEAD = 4096
-
-# Maximum size of a file that is read whole, bytes
-MAX_BYTES = 2**30
 
 # Number of bytes of a file that are read at a time to hash it.
 AT_A_TIME = 2**20
@@ -121,11 +119,11 @@ def kind_of(source: str | Path) -> str:
     """Kind of a file by its content, else by its ending; empty for an unknown kind."""
     path, head, stated = _place(source), b"", ""
     whole.check_whole(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         return DATASET if (path / CAMPAIGN).is_file() else RECORDING
-    with suppress(OSError), path.open("rb") as file:
+    with suppress(RecordingError), budget.opened(path) as file:
         head = file.read(16)
-        stated = stated_format(file) if path.is_file() else ""
+        stated = stated_format(file)
     if head.startswith((RERUN, PARQUET)):
         return RECORDING
     if stated in READERS:
@@ -149,7 +147,7 @@ def kind_of_log(head: bytes) -> str:
 def _place(source: str | Path) -> Path:
     """The file of a source, without the selection after an ``@``."""
     path = Path(source)
-    return path if path.exists() else Path(str(source).partition("@")[0])
+    return path if os.path.exists(path) else Path(str(source).partition("@")[0])
 
 
 def seal(data: bytes) -> bytes:
@@ -191,15 +189,16 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
 
 def file_bytes(path: Path, kind: str, first: int | None = None) -> bytes:
     """All bytes, or the `first` bytes, of a file that is not empty; else a RecordingError."""
-    if not path.is_file():
-        if not path.exists():
+    if not os.path.isfile(path):
+        if not os.path.exists(path):
             raise RecordingError(f"{path}: there is no such file.")
         got = "a folder" if path.is_dir() else "no file"
         raise RecordingError(f"{path}: must be a {kind}, got {got}.")
-    with whole.allowed(path, "readable"), path.open("rb") as file:
-        data = file.read(MAX_BYTES + 1 if first is None else first)
-    if len(data) > MAX_BYTES:
-        raise RecordingError(f"{path}: must have at most {MAX_BYTES} bytes, got more.")
+    if first is None:
+        data = budget.file_bytes(path, budget.SEALED)
+    else:
+        with budget.opened(path) as file:
+            data = file.read(first)
     if not data:
         raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
     return data

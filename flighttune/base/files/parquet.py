@@ -10,10 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flighttune.base.errors import RecordingError
-
-# Maximum count of numbers in a file, two hours of 40 signals at 100 Hz, and of their bytes and
-# pages; a page usually has a megabyte.
-MAX_NUMBERS, MAX_BYTES, MAX_PAGES = 30_000_000, 2**28, 2**16
+from flighttune.base.files import budget
 
 # Fields of a PageHeader: bytes of the page after and before its compression
 UNPACKED, PACKED = 2, 3
@@ -39,22 +36,24 @@ def opened(data: bytes) -> pq.ParquetFile:
 
 def check_size(rows: int, columns: int) -> None:
     """Refuse a file with more numbers than the maximum."""
-    if rows * columns > MAX_NUMBERS:
+    if rows * columns > budget.PARQUET.entries:
         raise RecordingError(
-            f"it must have at most {MAX_NUMBERS} numbers, got {rows} rows of {columns}."
+            f"it must have at most {budget.PARQUET.entries} numbers, got {rows} rows of {columns}."
         )
 
 
 def _check_bytes(size: int) -> None:
-    if size > MAX_BYTES:
-        raise RecordingError(f"it must unpack to at most {MAX_BYTES} bytes, got {size}.")
+    if size > budget.PARQUET.unpacked:
+        raise RecordingError(
+            f"it must unpack to at most {budget.PARQUET.unpacked} bytes, got {size}."
+        )
 
 
 def pages(data: bytes, column: pq.ColumnChunkMetaData) -> Iterator[int]:
     """Bytes of each page and its header, unpacked; IndexError if one is not within `data`."""
     at = min(filter(None, (column.dictionary_page_offset, column.data_page_offset)), default=0)
     end = at + column.total_compressed_size
-    for _ in range(MAX_PAGES):
+    for _ in range(budget.PAGES.entries):
         if at >= end:
             return
         after, fields = _structure(data, at)
@@ -63,7 +62,9 @@ def pages(data: bytes, column: pq.ColumnChunkMetaData) -> Iterator[int]:
             raise IndexError
         yield after - at + unpacked
         at = after + packed
-    raise RecordingError(f"it must have at most {MAX_PAGES} pages in a column, got more.")
+    raise RecordingError(
+        f"it must have at most {budget.PAGES.entries} pages in a column, got more."
+    )
 
 
 def _structure(data: bytes, at: int) -> tuple[int, dict[int, int]]:

@@ -10,6 +10,7 @@ import difflib
 import hashlib
 import json
 import re
+import textwrap
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, wraps
@@ -22,16 +23,14 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from flighttune.base.errors import InputError, ScenarioError, naming
-from flighttune.base.files.whole import allowed, check_whole, current, write_text
+from flighttune.base.files import budget
+from flighttune.base.files.whole import check_whole, write_text
 
 # Maximum number of mistakes that one line lists, and maximum number that are counted.
 MAX_LISTED, MAX_MISTAKES = 5, 10_000
 
-# Maximum length of a key or value in a message, characters.
-MAX_CHARACTERS = 80
-
-# Maximum length of a word in a message, characters: the longest name of a file.
-MAX_WORD = 255
+# Maximum length of a key or value in a message, and of a library's message, characters.
+MAX_CHARACTERS, MAX_REASON = 80, 160
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -49,6 +48,12 @@ def abridged(value: object) -> str:
     return _ABRIDGED.repr(value)
 
 
+def first_line(error: object) -> str:
+    """The first line of a library's message, cut to a readable length."""
+    line = next(iter(str(error).splitlines()), "no reason")
+    return textwrap.shorten(line, MAX_REASON, placeholder=" ...").rstrip(".")
+
+
 def joined(faults: Iterable[str], count: int = 0) -> str:
     """Faults as one line that ends in a full stop, or in the last one's question mark.
 
@@ -57,7 +62,7 @@ def joined(faults: Iterable[str], count: int = 0) -> str:
     sentences = [fault.removesuffix(".") for fault in faults]
     more = max(count, len(sentences)) - MAX_LISTED
     line = "; ".join(sentences[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
-    words = (word if len(word) <= MAX_WORD else shown(word) for word in line.split())
+    words = (word if len(word) <= budget.MAX_NAME else shown(word) for word in line.split())
     return " ".join(words) + ("" if line.endswith("?") else ".")
 
 
@@ -182,22 +187,12 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
-# Maximum size of a file, bytes: a certificate at a thousand conditions has a tenth of it.
-MAX_BYTES = 16_000_000
-
-# Maximum characters and values of a TOML file: a route of a thousand waypoints has a tenth of them.
-# Each value may be a mistake of its own.
-MAX_TOML, MAX_VALUES = 2**20, 2**16
-
-# Maximum brackets and braces that open in a JSON file: an empty object takes 21 times its text.
-MAX_JSON = 2**20
-
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 # A dotted key of over 32 parts: `tomllib` takes minutes for 100,000. The expression begins only
 # where a key can and gives nothing back, so that it costs one pass of any text.
 PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
-DEEP_KEY = re.compile(rf"(?m)(?:^|[\[{{,])[ \t]*+(?:{PART}[ \t]*+\.[ \t]*+){{32}}")
+DEEP_KEY = re.compile(rf"(?m)(?:^|[\[{{,])[ \t]*+(?:{PART}[ \t]*+\.[ \t]*+){{{budget.TOML.depth}}}")
 
 
 def stamp(file: Path) -> tuple[int, ...]:
@@ -211,12 +206,12 @@ def stamp(file: Path) -> tuple[int, ...]:
 
 def toml_tables(path: Path) -> dict[str, Any]:
     """The tables of a TOML file; ScenarioError if it cannot be read."""
-    return _parsed(file_text(path), f"{path}: the file", _toml, "TOML")
+    return _parsed(file_text(path, budget.TOML), f"{path}: the file", _toml, "TOML")
 
 
 def json_tables(path: Path) -> dict[str, Any]:
     """The object of a JSON file, read strictly; ``NaN`` and ``Infinity`` are read as floats."""
-    return _parsed(file_text(path), f"{path}: the file", _json, "JSON")
+    return _parsed(file_text(path, budget.JSON), f"{path}: the file", _json, "JSON")
 
 
 def json_object(text: str, place: str) -> dict[str, Any]:
@@ -239,47 +234,39 @@ def toml_value(text: str, place: str) -> Any:
 def _toml(text: str) -> Any:
     if DEEP_KEY.search(text):
         raise RecursionError
-    if len(text) > MAX_TOML:
-        raise ValueError(f"it must have at most {MAX_TOML} characters, got {len(text)}")
-    tables = tomllib.loads(text)
-    if keys := _large_integer(tables):
-        raise ValueError(f"`{shown('.'.join(keys))}` must be an integer of at most 64 bits")
-    return tables
-
-
-def _large_integer(tables: dict[str, Any]) -> list[str]:
-    """Keys down to an integer too large for TOML, which Python may refuse to print."""
-    above: list[tuple[str, Iterator[tuple[Any, Any]]]] = [("", iter(tables.items()))]
-    count = 0
-    while above:
-        for key, value in above[-1][1]:
-            count += 1
-            if count > MAX_VALUES:
-                raise ValueError(f"it must have at most {MAX_VALUES} values, got more")
-            if isinstance(value, dict | list):
-                pairs = value.items() if isinstance(value, dict) else enumerate(value)
-                above.append((str(key), iter(pairs)))
-                break
-            if isinstance(value, int) and not -(2**63) <= value < 2**63:
-                return [name for name, _ in above[1:]] + [str(key)]
-        else:
-            above.pop()
-    return []
+    budget.check_entries(text, budget.TOML)
+    return _checked(tomllib.loads(text), budget.TOML.depth)
 
 
 def _json(text: str) -> Any:
-    if (opened := text.count("[") + text.count("{")) > MAX_JSON:
-        raise ValueError(f"it must have at most {MAX_JSON} lists and objects, got {opened}")
-    return json.loads(text, object_pairs_hook=_unique)
+    budget.check_entries(text, budget.JSON)
+    return _checked(json.loads(text, object_pairs_hook=_unique), budget.JSON.depth)
 
 
-def file_text(path: Path) -> str:
+def _checked(tables: Any, depth: int) -> Any:
+    """Tables that are not too deep, without an integer that Python may refuse to print."""
+    above: list[tuple[object, Iterator[tuple[object, Any]]]] = [("", iter([("", tables)]))]
+    while above:
+        for key, value in above[-1][1]:
+            kind = type(value)
+            if kind is dict or kind is list:
+                pairs = value.items() if kind is dict else enumerate(value)
+                above.append((key, iter(pairs)))
+                break
+            if kind is int and not budget.LEAST_INTEGER <= value <= budget.LARGEST_INTEGER:
+                keys = ".".join(str(name) for name, _ in [*above[2:], (key, None)])
+                raise ValueError(f"`{shown(keys)}` must be an integer of at most 64 bits")
+        else:
+            above.pop()
+        if len(above) > depth + 1:
+            raise RecursionError
+    return tables
+
+
+def file_text(path: Path, of: budget.Budget) -> str:
     """The text of a file; ScenarioError if it is too large or not UTF-8."""
     check_whole(path)
-    with allowed(path, "readable", ScenarioError), current(path).open("rb") as file:
-        data = file.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise ScenarioError(f"{path}: the file must have at most {MAX_BYTES} bytes, got more.")
+    data = budget.file_bytes(path, of, ScenarioError)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -290,7 +277,8 @@ def _parsed(text: str, place: str, parse: Callable[[str], Any], language: str) -
     try:
         tables = parse(text)
     except ValueError as error:
-        reason = str(error).partition("; use sys")[0]  # Python's advice is for programmers
+        # Python's advice is for programmers
+        reason = str(error).partition("; use sys")[0].removesuffix(".")
         raise ScenarioError(f"{place} must be valid {language}: {reason}.") from error
     except RecursionError:
         raise ScenarioError(f"{place} must not be nested so deeply.") from None
@@ -368,7 +356,8 @@ def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
         )
     units = fields.pop("units", None) or {}
     # An earlier version of a format has neither a field that came later nor its unit.
-    if units != {name: x for name, x in kind.UNITS.items() if name in fields or name in units}:
+    known = units if isinstance(units, dict) else {}
+    if units != {name: x for name, x in kind.UNITS.items() if name in fields or name in known}:
         raise InputError("`units` must be those of this format: nothing is converted.")
     try:
         # From text, because pydantic's strict mode accepts an array as a tuple only there.

@@ -5,7 +5,6 @@ If it ends, the current run caused the crash, and a new process flies the runs a
 """
 
 import atexit
-import math
 import os
 import pickle
 import shutil
@@ -44,6 +43,10 @@ STOP_S = 0.1
 # Time beyond its own limit after which a process that does not answer is ended, s
 GRACE_S = 10.0
 
+# Time limit to load a plan, s. The first samples of its flights have the limit of a flight plus
+# COMPILE_S, because their code may have to be compiled.
+PREPARE_S, COMPILE_S = 120.0, 120.0
+
 # Row of a run or its recorded signals; else an error or the exit code of its process, which is
 # SIGALRM's code after the time limit.
 Answer: TypeAlias = "Row | bytes | str | int"
@@ -67,12 +70,13 @@ class Flyer:
         # killer may have killed it.
         suspects: set[tuple[int, bool]] = set()
         while runs := draw.runs[len(answers) :]:
-            ready = False
+            ready, limit = False, PREPARE_S
             try:
                 self._pipe.send((work, draw._replace(runs=runs)))
-                limit = self._receive()
-                if isinstance(limit, str):  # a refusal
-                    raise PlantError(limit)
+                for _ in ("loaded", "compiled"):
+                    limit = self._receive(limit + GRACE_S)
+                    if isinstance(limit, str):  # a refusal
+                        raise PlantError(limit)
                 ready = True
                 for _ in runs:
                     answer = self._receive(limit + GRACE_S)
@@ -81,17 +85,20 @@ class Flyer:
                     answers.append(answer)
                     if isinstance(answers[-1], str):
                         break  # the process does not fly the remaining runs
-            except (EOFError, OSError):
+            except (EOFError, OSError) as error:
                 run, code = draw.runs[len(answers)], self.end()
                 self._start()
-                timed_out = code == -signal.SIGALRM
-                if (run, ready) not in suspects and not timed_out:
+                # A process that ended itself took too long; one that did not may have been stopped.
+                alarm = -signal.SIGALRM
+                if (run, ready) not in suspects and code != alarm:
                     suspects.add((run, ready))
-                elif ready:
+                    continue
+                code = alarm if isinstance(error, TimeoutError) else code
+                if ready:
                     answers.append(code)
                 else:
                     late = "they take longer than `time_limit_s` and the time to load them"
-                    ending = late if timed_out else ending_of(code)
+                    ending = late if code == alarm else ending_of(code)
                     raise PlantError(f"the undispersed flights cannot be flown: {ending}") from None
         return answers
 
@@ -129,13 +136,13 @@ class Flyer:
         finally:
             theirs.close()
 
-    def _receive(self, limit: float = math.inf) -> Any:
+    def _receive(self, limit: float) -> Any:
         end = time.monotonic() + limit
         while not self._pipe.poll(STOP_S):
             if self.stopped:
                 raise PlantError("the flights have been stopped.")
-            if time.monotonic() > end:  # it hangs and could not end itself
-                raise EOFError
+            if time.monotonic() > end:  # it hangs or was stopped, and could not end itself
+                raise TimeoutError
         return self._pipe.recv()
 
 

@@ -3,12 +3,15 @@
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.errors import InputError, OutputError, keeping
 from flighttune.base.files import owned
+from flighttune.base.files.budget import KEPT, file_bytes
+from flighttune.base.files.table import json_object
 from flighttune.base.files.whole import allowed, apart, made_folder, write_text
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import Row
@@ -20,6 +23,9 @@ from flighttune.flight.records.refly import other_libraries
 
 # Digits of what decides, in the name of a file.
 DIGITS = 8
+
+# What progress counts of a row, with its type.
+COUNTED = {"run": int, "status": str, "reason": str, "success": bool}
 
 
 class KeptRows:
@@ -95,28 +101,32 @@ class KeptRows:
         if COMPILED in row:
             row = row | {COMPILED: row[COMPILED].text}
         kept = {"of": self._of, "versions": self._versions, "plan": place[0], "row": row}
-        return _text(kept) + "\n"
+        text = _text(kept)
+        return f"{sha256(text.encode()).hexdigest()} {text}\n"
 
     def _read(self, file: Path) -> str:
-        """Take the rows of the command from the user's own file; none after a damaged line.
+        """Take the rows of the command from the user's own file; none from a damaged line on.
 
         Returns what differs of the libraries of rows that were left.
         """
         other = ""
         if not owned.is_believed(file):
             return other
-        try:
-            for line in file.read_text(encoding="utf-8").splitlines():
-                kept = json.loads(line)
+        with suppress(InputError, UnicodeDecodeError, KeyError, TypeError):
+            for line in file_bytes(file, KEPT).decode().splitlines()[: KEPT.entries]:
+                digest, _, text = line.partition(" ")
+                if digest != sha256(text.encode()).hexdigest():
+                    break
+                kept = json_object(text, str(file))
                 if kept["of"] == self._of and kept["versions"] != self._versions:
                     other = other_libraries(kept["versions"])
                 elif kept["of"] == self._of:
                     row = kept["row"]
+                    if any(type(row[key]) is not kind for key, kind in COUNTED.items()):
+                        break
                     if COMPILED in row:
                         row[COMPILED] = CompiledFlights.stated(row[COMPILED])
                     self._rows[kept["plan"], row["run"]] = row
-        except (OSError, ValueError, KeyError, TypeError, InputError):
-            pass
         return other
 
 

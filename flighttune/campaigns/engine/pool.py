@@ -207,4 +207,15 @@ class WorkerPool:
                 yield pending.pop(future), answers
             if observer.stopped:
                 return
-            progress.workers = self._started().threads()
+            self._count_workers()
+
+    def _count_workers(self) -> None:
+        """See how many tasks can run at a time, and tell where that becomes none."""
+        before, now = self.progress.workers, self._started().threads()
+        self.progress.workers = now
+        if before and not now:
+            self.observer.hear(
+                f"{self._scheduler}: no worker is there; the flights go on when one comes."
+            )
+        elif now and not before:
+            self.observer.hear(f"{self._scheduler}: a worker is there; the flights go on.")

@@ -88,7 +88,9 @@ class CampaignProgress:
         parts = [f"{self.stage}{self.doing}: {done} of {most}{runs} runs"]
         if self.rate_per_s:
             parts.append(f"{rate(self.rate_per_s)} a second")
-        if self.left_s is not None and (self.budget or self.doing == "flying"):
+        if not self.workers:
+            parts.append("no worker is there")
+        elif self.left_s is not None and (self.budget or self.doing == "flying"):
             parts.append(f"{most}{duration(self.left_s)} left")
         for count, what in ((self.failed, "failed"), (self.crashed, "crashed")):
             if count:

@@ -14,16 +14,13 @@ from multiprocessing.connection import Connection
 
 from flighttune.base.errors import DifferenceError, FlightTuneError, PlantError
 from flighttune.base.files.code import Grant, take
+from flighttune.campaigns.engine.flyer import COMPILE_S, PREPARE_S
 from flighttune.campaigns.flying.rows import Draw, Row, fly_again, fly_draw, warm_up
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.own import with_own
 from flighttune.flight.records.parquet import parquet_bytes
 from flighttune.flight.records.refly import other_versions
 from flighttune.vehicles.aircraft.aircraft import files_hash
-
-# Time limit to load a plan, s. The first samples of its flights have the limit of a flight plus
-# COMPILE_S, because their code may have to be compiled.
-PREPARE_S, COMPILE_S = 120.0, 120.0
 
 
 def serve(pipe: Connection) -> None:
@@ -34,9 +31,13 @@ def serve(pipe: Connection) -> None:
             work, draw = pipe.recv()
             try:
                 with _time_limit(PREPARE_S):
-                    plan, fly, granted = _prepared(work)
+                    plan, fly, granted = prepared(work)
                     take(granted)
                     with_own(plan.scenario, flown=plan.flown)  # this refuses a changed file
+                first = COMPILE_S + plan.campaign.time_limit_s
+                pipe.send(first)
+                with _time_limit(first):
+                    warm(work)
             except Exception as error:
                 own = isinstance(error, FlightTuneError)
                 pipe.send(str(error) if own else f"{type(error).__name__}: {error}")
@@ -58,7 +59,7 @@ def serve(pipe: Connection) -> None:
 
 
 @lru_cache(maxsize=2)
-def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
+def prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
     """The plan, a function that flies the runs of a draw, and the permission to run code."""
     wanted, content = pickle.loads(work)
     if other := other_versions(wanted):
@@ -70,13 +71,6 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
-    with _time_limit(COMPILE_S + plan.campaign.time_limit_s):
-        warm_up(plan)
-    # Collections would look at all that is loaded, for a tenth of a short row. What plans before
-    # this one left is collected first, because frozen garbage stays for good.
-    gc.unfreeze()
-    gc.collect()
-    gc.freeze()
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:
@@ -84,6 +78,17 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
         return (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
 
     return plan, fly, granted
+
+
+@lru_cache(maxsize=2)
+def warm(work: bytes) -> None:
+    """Load the code for the flights of a plan."""
+    warm_up(prepared(work)[0])
+    # Collections would look at all that is loaded, for a tenth of a short row. What plans before
+    # this one left is collected first, because frozen garbage stays for good.
+    gc.unfreeze()
+    gc.collect()
+    gc.freeze()
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from flighttune.base.errors import InputError
+from flighttune.base.files.table import json_object
 from flighttune.base.words import listed
 
 if TYPE_CHECKING:
@@ -42,11 +43,12 @@ class CompiledFlights:
         if text is None:
             return cls()
         try:
-            counts = cls(**json.loads(text))
+            text = text.decode() if isinstance(text, bytes) else text
+            counts = cls(**json_object(text, f"`{COMPILED}`"))
             numbers = counts.flights, counts.flown_again, counts.by_jsbsim, *counts.reasons.values()
             if all(type(n) is int and n >= 0 for n in numbers):
                 return counts
-        except (ValueError, TypeError, AttributeError, RecursionError):
+        except (ValueError, TypeError, AttributeError):
             pass
         raise InputError(f"`{COMPILED}` must hold numbers of flights.")
 

@@ -15,6 +15,7 @@ Wind speed and direction of each hour or quarter of an hour, in the unit of ``ho
 import csv
 import io
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, naming
+from flighttune.base.files.budget import CSV, check_entries
 from flighttune.base.files.table import abridged, file_text, json_tables
 from flighttune.base.units import DEG
 from flighttune.base.words import listed
@@ -197,7 +199,7 @@ def sector(angles: FloatArray) -> tuple[float, float]:
 def spread_of(source: str | Path, start: LatLon, over_ground: tuple[float, float]) -> Spread:
     """The spread of a forecast, ``FILE`` or ``FILE@TIMES``, at a mission's heights (m)."""
     text = str(source)
-    file, _, during = (text, "", "") if Path(text).exists() else text.rpartition("@")
+    file, _, during = (text, "", "") if os.path.exists(text) else text.rpartition("@")
     forecast = load_forecast(file or text, start)
     with naming(file or text):
         return forecast.spread(start, over_ground, during)
@@ -391,7 +393,9 @@ def _column(
 
 def _csv_tables(file: Path) -> dict[str, Any]:
     """The tables of JSON from CSV: lines about the place, then columns named ``NAME (UNIT)``."""
-    text = file_text(file)
+    text = file_text(file, CSV)
+    with naming(file):
+        check_entries(text, CSV)
     try:
         rows = [row for row in csv.reader(io.StringIO(text)) if row]
     except csv.Error as error:

@@ -1,5 +1,6 @@
 """A campaign ready to fly: gains as numbers, groups of plant and gains, and draws on demand."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -348,7 +349,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
 def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:
     """The plan in a campaign's folder, and versions of the libraries that affect its rows."""
     path = Path(folder) / CAMPAIGN
-    if not path.exists():
+    if not os.path.exists(path):
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
     try:
         tables = json_tables(path)

@@ -10,12 +10,12 @@ import scipy  # its parts load on first use: all of them take a sixth of a worke
 from pydantic import Field, field_validator, model_validator
 
 from flighttune.base.arrays import FloatArray
+from flighttune.base.files.budget import MAX_NAME
 from flighttune.base.files.table import abridged, refused_in_a_line
 from flighttune.base.quantities import Finite, NotNegative, PathName, Positive, Table
 from flighttune.control.gains_keys import GainsTable
 from flighttune.flight.metrics import FLIGHT_METRICS
 from flighttune.flight.requirement_keys import CHANNEL_MEASURES, ExpectTable
-from flighttune.flight.scenario.load import MAX_KEY
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.weather_keys import Seed
@@ -25,7 +25,7 @@ Value: TypeAlias = bool | int | float | str
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
 
-Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
+Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
 Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "grid"]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
 

@@ -1,5 +1,6 @@
 """Campaign files, checked against their scenarios, and sources of flights as a value."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -137,7 +138,7 @@ def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaig
 def _scenario_of(name: str, file: Path) -> Path:
     """The file of a campaign's scenario: beside the campaign, or shipped."""
     for beside in (file.parent / name, file.parent / f"{name}.toml"):
-        if beside.is_file() and beside != file:
+        if os.path.isfile(beside) and beside != file:
             return beside
     shipped = scenario_files()
     if name.removesuffix(".toml") in shipped:
@@ -438,7 +439,7 @@ def _of(stated: Scenario | Campaign | Plan, place: str = "") -> Flights:
 def _is_scenario(source: str | Path) -> bool:
     """Whether a file or name belongs to a scenario; if not, to a campaign."""
     path = Path(source)
-    if path.is_file() and path.suffix == ".toml":
+    if os.path.isfile(path) and path.suffix == ".toml":
         return "scenario" not in toml_tables(path)
     stem = path.name.removesuffix(".toml")
     return stem in scenario_files() and stem not in campaign_files()

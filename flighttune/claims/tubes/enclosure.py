@@ -62,10 +62,6 @@ SAME_REFERENCE = 1e-6
 # up in another order.
 BOUND_MARGIN = 1e-9
 
-# Maximum sizes of all members and of a file: three and five times the largest known tube, of an
-# aircraft in the paper's step.
-MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
-
 # Maximum numbers in a proof, which bound its time and memory; samples count per round.
 MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
 
@@ -425,7 +421,7 @@ def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
 def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
     """Read a tube and rebuild its problem from the scenario in the file."""
     with naming(path):
-        arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
+        arrays = read_arrays(Path(path), "tube", MEMBERS)
         # Bounds and choices in the file are not trusted before `Tube.verify` has checked them. The
         # boxes of an aircraft come from the file and must agree with the `band`, if given.
         claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)

@@ -214,11 +214,21 @@ def scaled(A: FloatArray, scaling: FloatArray) -> FloatArray:
     return A * (scaling / scaling[:, None])
 
 
+def _solutions(A: FloatArray) -> FloatArray:
+    """Solutions of the Lyapunov equation of many loops; 0 for a loop that has no single one."""
+    try:
+        return lyapunov.lyapunov_solution(A)
+    except InputError:  # within rounding two eigenvalues of a loop add up to zero
+        if len(A) == 1:
+            return np.zeros_like(A)
+        return np.concatenate([_solutions(loop[None]) for loop in A])
+
+
 def _rate_and_radius(A: FloatArray) -> tuple[FloatArray, FloatArray]:
     """R_K and I_K of loops with eigenvalues in the left half plane, shape (N, n, n)."""
     if not len(A):
         return np.empty(0), np.empty(0)
-    spectrum = np.linalg.eigvalsh(lyapunov.lyapunov_solution(A))
+    spectrum = np.linalg.eigvalsh(_solutions(A))
     smallest, largest = spectrum[:, 0], spectrum[:, -1]
     sigma_min = np.linalg.svd(A, compute_uv=False)[:, -1]
     # A Q that is not positive refutes the eigenvalues: the loop is unstable within rounding.

@@ -2,8 +2,8 @@
 
 import hashlib
 import json
+import os
 import re
-import textwrap
 import warnings
 from base64 import b64decode, b64encode
 from collections.abc import Iterable, Sequence
@@ -22,6 +22,7 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import RecordingError
 from flighttune.base.files import parquet
 from flighttune.base.files.load import BLANK, RERUN, file_bytes, seal, sealed_bytes
+from flighttune.base.files.table import first_line, json_object
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.base.words import distinct, pick
 from flighttune.control.gains import PIGains
@@ -30,7 +31,6 @@ from flighttune.flight.loop.run import Alarm, Bounds, Provenance, Run, RunClaim
 PARQUET, RECORDING = ".parquet", ".rrd"
 PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
 FORMAT = 3  # version of the layout; other versions are refused
-LONGEST_REASON = 160  # maximum length of a library's message, characters
 
 # Keys in the metadata of the schema, in file order; the seal must be last.
 DESCRIPTION = b"flighttune.run"
@@ -141,18 +141,20 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
         for i in range(file.metadata.num_columns):
             rows[:, i] = file.reader.read_column(i).to_numpy()
         description = stated[DESCRIPTION].decode()
-        flight = tuple(json.loads(stated.get(FLIGHT, b"[]")))
+        flight = tuple(
+            json_object(f'{{"of": {stated.get(FLIGHT, b"[]").decode()}}}', "its flight")["of"]
+        )
         return _run_of(description, rows), signals_sha256(description, rows), flight
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     except UNREADABLE as error:
-        got = f"{type(error).__name__}: {_first_line(error)}"
+        got = f"{type(error).__name__}: {first_line(error)}"
         raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got {got}.") from error
 
 
 def _run_of(description: str, rows: FloatArray) -> Run:
     """The run of a description and rows, with signals equal to the bit."""
-    entry = json.loads(description)
+    entry = json_object(description, "its description")
     if entry["format"] != FORMAT:
         got = f"{entry['format']} of another flighttune: fly again"
         raise RecordingError(f"layout must be {FORMAT}, got {got}.")
@@ -173,12 +175,6 @@ def _run_of(description: str, rows: FloatArray) -> Run:
         units={name: columns[name] for name in names if name not in SIGNAL_UNITS and columns[name]},
         claims=tuple(_claim_of(claim, rows[:, 0]) for claim in entry.get("claims", ())),
     )
-
-
-def _first_line(text: object) -> str:
-    """The first line of a library's message, cut to a readable length."""
-    line = next(iter(str(text).splitlines()), "no reason")
-    return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
 
 
 @checked_class
@@ -223,7 +219,7 @@ def load_recording(path: str | Path) -> Recording:
     # If a folder has files of several flights, the newest complete flight counts. Separately
     # written files belong together. Files whose names begin with a dot are remains of a killed
     # command and are not read.
-    if path.is_dir():
+    if os.path.isdir(path):
         return _in_folder(path)
     kind = PARQUET_FILE if path.suffix.lower() == PARQUET else RECORDING_FILE
     head = file_bytes(path, kind, len(RERUN) + 1)
@@ -324,6 +320,6 @@ def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
             (folder,), sha256 = (stated.column(key)[0].as_py() for key in ("folder", "sha256"))
             return folder, tuple(sha256)
     except Exception as error:  # Rerun and Arrow raise a dozen kinds of errors on a damaged file
-        got = _first_line(error)
+        got = first_line(error)
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got: {got}.") from error
     return None

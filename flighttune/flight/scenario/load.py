@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from flighttune.base.errors import InputError, ScenarioError, naming
 from flighttune.base.files import code
+from flighttune.base.files.budget import MAX_NAME
 from flighttune.base.files.shipped import (
     aircraft_folders,
     campaign_files,
@@ -44,19 +45,16 @@ from flighttune.vehicles.plant_keys import PlantTable
 # Names of tables and positions in arrays from the top of a scenario to a value
 Place: TypeAlias = tuple[str | int, ...]
 
-# Maximum length of a key, characters
-MAX_KEY = 255
-
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
     """Every place of a scenario for a dotted key."""
-    if len(key) > MAX_KEY or not PATH.fullmatch(key):
+    if len(key) > MAX_NAME or not PATH.fullmatch(key):
         raise InputError(
             "must be names joined by dots, each with [position] or [name] after it, and have at "
-            f"most {MAX_KEY} characters"
+            f"most {MAX_NAME} characters"
         )
     # a position in brackets is a step of its own, `[0]`
     steps = tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))

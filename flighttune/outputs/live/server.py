@@ -25,14 +25,15 @@ from starlette.routing import Route
 from flighttune.base.errors import FlightTuneError, InputError, printable
 from flighttune.base.screen import LOCAL
 from flighttune.outputs.drawing.templates import page_template
+from flighttune.outputs.live.connections import Connection
 from flighttune.outputs.live.desk import Asked, Desk, in_thread
 from flighttune.outputs.pages.frame import look_and_script
 
 # Host names of this machine, also through a tunnel.
 HOSTS = [LOCAL, "localhost"]
 
-# Largest request, bytes, and most connections; a window has one for its news.
-MAX_BYTES, MAX_CONNECTIONS = 65_536, 64
+# Largest request, bytes.
+MAX_BYTES = 65_536
 
 # Periods at which a window gets news of a search and the command looks for the last window; time
 # that a window may take to reload before it counts as closed; time limits of the server's end, s.
@@ -88,7 +89,7 @@ class Opened(AbstractContextManager["Opened"]):
             headers=HEADERS,
             log_config=None,
             lifespan="off",
-            limit_concurrency=MAX_CONNECTIONS,
+            http=Connection,
             timeout_graceful_shutdown=END_S,
         )
         self._server = uvicorn.Server(config)
@@ -134,6 +135,8 @@ class Opened(AbstractContextManager["Opened"]):
         allowed = secrets.compare_digest(token.encode(), self._token.encode())
         allowed &= told.get("origin", ours if get else "") == ours
         allowed &= told.get("sec-fetch-site", "none") in ("none", "same-origin")
+        if allowed and not self._stays(request):
+            raise HTTPException(503)
         if allowed and get and not name:
             return HTMLResponse(self._page())
         if allowed and get and name == "events":
@@ -141,6 +144,13 @@ class Opened(AbstractContextManager["Opened"]):
         if allowed and not get and name in self._verbs:
             return await _done(request, self._verbs[name])
         raise HTTPException(404)
+
+    def _stays(self, request: Request) -> bool:
+        """Whether the connection of a request with the token may stay."""
+        for connection in self._server.server_state.connections:
+            if isinstance(connection, Connection) and connection.client == request.client:
+                return connection.allow()
+        return True  # it has just been closed
 
     def _page(self) -> str:
         """The page without flights, which its script asks for once it has loaded."""

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from flighttune.base.errors import InputError
+from flighttune.base.files.budget import LARGEST_INTEGER, LEAST_INTEGER
 from flighttune.base.files.table import shown, toml_tables
 from flighttune.base.signals import SYMBOLS
 from flighttune.control.gains import COMMANDS, PIGains
@@ -133,6 +134,9 @@ def moved(scenario: Scenario, sliders: Sequence[Slider], values: Values) -> Scen
     known = {x.key: x for x in sliders}
     if unknown := values.keys() - known.keys():
         raise InputError(f"`{shown(min(unknown))}` must be a slider of the page.")
+    for key, value in values.items():
+        if isinstance(value, int) and not LEAST_INTEGER <= value <= LARGEST_INTEGER:
+            raise InputError(f"`{shown(key)}` must be a number of at most 64 bits.")
     changes = {key: value for key, value in values.items() if value != known[key].value}
     if not changes:
         return scenario

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flighttune.base.answering import function_for
+from flighttune.base.arrays import got
 from flighttune.base.errors import InputError
 from flighttune.claims.counted import SignalBounds
 from flighttune.claims.mission import MissionOdds
@@ -162,6 +163,8 @@ def run_charts(value: FlownScenario | Run | Iterable[Run]) -> list[Chart]:
     """Both errors, roll and load factor of runs."""
     runs = value.runs if isinstance(value, FlownScenario) else value
     runs = (runs,) if isinstance(runs, Run) else tuple(runs)
+    if wrong := [run for run in runs if not isinstance(run, Run)]:
+        raise InputError(f"`value` must be runs, got {got(wrong[0])}.")
     styles = run_styles(runs)
     if not (flights := [(run, styles[run.label]) for run in runs if len(run.signals) > 1]):
         raise InputError("`value` must have a run that flew, got none.")

@@ -14,15 +14,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from flighttune.base.errors import InputError, PlantError
+from flighttune.base.files.budget import INCLUDED
 from flighttune.base.files.table import shown
 from flighttune.vehicles.aircraft.aircraft import absolute_name
 from flighttune.vehicles.aircraft.model_xml import read_xml
 
 SET = "-set.xml"  # ending of FlightGear's description of an aircraft
 AERO = "/sim/aero"  # property with the name of the main file
-
-# Maximum number of included files, their total size in bytes, and nesting levels.
-MAX_INCLUDED, MAX_BYTES, MAX_LEVELS = 200, 8_000_000, 60
 
 # Maximum length of a chain of aliases.
 MAX_ALIASES = 20
@@ -96,17 +94,17 @@ class _Tree:
     def _read(self, file: Path, path: str, within: tuple[Path, ...], level: int) -> None:
         """Read a file into the level `path`; `within`: the files that include it."""
         self.size += file.stat().st_size
-        if self.included > MAX_INCLUDED or self.size > MAX_BYTES:
+        if self.included > INCLUDED.entries or self.size > INCLUDED.size:
             raise InputError(
-                f"{self.file}: must include at most {MAX_INCLUDED} files with {MAX_BYTES / 1e6:g} "
-                "MB, got more."
+                f"{self.file}: must include at most {INCLUDED.entries} files with "
+                f"{INCLUDED.size / 1e6:g} MB, got more."
             )
         root = read_xml(file, str(file))
         self._visit(root, path, (*within, file), level)
 
     def _visit(self, element: Element, path: str, within: tuple[Path, ...], level: int) -> None:
-        if level > MAX_LEVELS:
-            raise InputError(f"{within[-1]}: must have at most {MAX_LEVELS} levels, got more.")
+        if level > INCLUDED.depth:
+            raise InputError(f"{within[-1]}: must have at most {INCLUDED.depth} levels, got more.")
         if name := element.get("include"):
             self._include(name, path, within, level)
         if target := element.get("alias"):
@@ -167,7 +165,7 @@ def stated_beside(main: Path) -> Stated:
     for folder in (main.parent, main.parent.parent):
         for file in sorted(folder.glob(f"*{SET}")):
             try:
-                tree = _Tree(file) if file.is_file() else None  # a pipe would wait
+                tree = _Tree(file) if os.path.isfile(file) else None  # a pipe would wait
             except (PlantError, InputError, OSError):  # it describes something else
                 continue
             if tree and _kind(tree) == "jsb" and _named(tree) == main:
@@ -182,7 +180,7 @@ def of_flightgear(path: Path) -> tuple[Path, Stated]:
     """
     if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
-    files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
+    files = sorted(path.glob(f"*{SET}")) if os.path.isdir(path) else [path]
     trees = [_Tree(file) for file in files if file.is_file()]  # a pipe would wait
     named = [tree for tree in trees if _kind(tree) == "jsb"]
     mains = [] if named else _mains(path)
@@ -195,7 +193,7 @@ def of_flightgear(path: Path) -> tuple[Path, Stated]:
         several = ", ".join(file.name for file in [*(tree.file for tree in named), *mains])
         got = several or next(filter(None, _faults(path, trees)), "none")
         raise InputError(f"{path}: must hold one aircraft of JSBSim's, got {got}.")
-    file, aero = path if path.is_file() else path / named[0].file.name, named[0].text(AERO)
+    file, aero = path if os.path.isfile(path) else path / named[0].file.name, named[0].text(AERO)
     main = file.parent / f"{aero}.xml"
     inside = Path(os.path.realpath(main)).is_relative_to(os.path.realpath(file.parent))
     if not (inside and os.path.isfile(main)):
@@ -242,7 +240,7 @@ def _agreed(trees: Iterable[_Tree]) -> Stated:
 def _is_main(file: Path) -> bool:
     try:
         # reading a pipe would wait
-        return file.is_file() and read_xml(file, str(file)).tag == "fdm_config"
+        return os.path.isfile(file) and read_xml(file, str(file)).tag == "fdm_config"
     except PlantError:  # it cannot be read and describes something else
         return False
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import os
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydantic import AfterValidator, Field, PrivateAttr
 
 from flighttune.base import quantities as q
 from flighttune.base.errors import InputError, printable
+from flighttune.base.files.budget import SEALED, file_bytes
 from flighttune.base.files.shipped import aircraft_folder
 from flighttune.base.files.table import hash_of, json_tables, stamp, toml_tables, validated
 from flighttune.base.files.whole import UNFINISHED, check_whole, write_text
@@ -389,7 +391,7 @@ class AircraftConfig(q.Table):
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     """Return the aircraft with a name, or from a folder with an ``aircraft.toml``."""
     folder = Path(aircraft).resolve()
-    if folder.is_file() or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
+    if os.path.isfile(folder) or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
         folder = aircraft_folder(str(aircraft))
     check_whole(folder)
     return _read(folder, stamp(folder / "aircraft.toml"), stamp(folder / GAINS_FILE))
@@ -448,7 +450,7 @@ def files_hash(aircraft: str) -> str:
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         unfinished = any(part.startswith(UNFINISHED) for part in file.relative_to(folder).parts)
         if file.suffix in (".xml", ".toml", ".json") and not unfinished:
-            content = file.read_bytes()
+            content = file_bytes(file, SEALED)
             digest.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
             digest.update(content)
     return digest.hexdigest()

@@ -17,6 +17,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
+from flighttune.base.files.budget import XML, file_bytes
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.xml import node
 from flighttune.base.units import FT, SLUG
@@ -127,14 +128,21 @@ def read_xml(file: Path, subject: str) -> ElementTree.Element:
     """Return the root element of `file`; `subject` begins the message of a PlantError."""
     about = subject if subject == str(file) else f"{subject}: {file}"
     try:
-        root = ElementTree.parse(file).getroot()
-        text = ElementTree.tostring(root, encoding="unicode")
-    except (OSError, ElementTree.ParseError) as error:
-        reason = error.strerror if isinstance(error, OSError) else f"must be XML: {error}"
-        raise PlantError(f"{about}: {reason}.") from error
-    except RecursionError:
-        raise PlantError(f"{about} has too many elements inside each other.") from None
-    if "{{" in text:
+        data = file_bytes(file, XML, PlantError)
+    except PlantError as error:
+        raise PlantError(f"{about}: {str(error).removeprefix(f'{file}: ')}") from error
+    if data.count(b"<") > XML.entries:
+        raise PlantError(f"{about} must have at most {XML.entries} elements, got more.")
+    try:
+        root = ElementTree.fromstring(data)  # which refuses entities that grow
+    except (ElementTree.ParseError, LookupError) as error:  # an encoding that is not known
+        raise PlantError(f"{about}: must be XML: {error}.") from error
+    level = [root]
+    for _ in range(XML.depth):
+        level = [part for element in level for part in element]
+    if level:
+        raise PlantError(f"{about} has too many elements inside each other.")
+    if "{{" in ElementTree.tostring(root, encoding="unicode"):
         raise PlantError(f"{about} must not hold two braces: they stand for our numbers.")
     return root
 

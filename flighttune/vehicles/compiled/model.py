@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The aircraft that JSBSim loads, read for the compiled step: one main file with all its parts."""
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, fromstring
 
+from flighttune.base.errors import PlantError
+from flighttune.base.files.budget import XML, file_bytes
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.aircraft.model_xml import found_file, read_xml
 from flighttune.vehicles.compiled.engine_files import engines_of
@@ -68,8 +71,8 @@ class Source:
         pending = [fromstring(self.template)]
         while pending:
             for file in _parts_of(pending.pop(), self.folders.parts, self.folders.file):
-                if str(file) not in found and file.is_file():
-                    found[str(file)] = file.read_bytes()
+                if str(file) not in found and os.path.isfile(file):
+                    found[str(file)] = file_bytes(file, XML, PlantError)
                     pending.append(read_xml(file, str(file)))
         parts = [(Path(name).name, text) for name, text in found.items()]
         return [("", self.template.encode()), *sorted(parts)]

@@ -6,6 +6,7 @@ at all.
 
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
@@ -346,9 +347,9 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     path = Path(source)
     if path.name == str(source) and path.suffix != ".json":
         path = shipped.aircraft_folder(str(source))
-    if path.is_dir():
+    if os.path.isdir(path):
         path = path / FILE_NAME
-    if not path.exists():
+    if not os.path.exists(path):
         raise ScenarioError(f"{path}: must be there; `flighttune identify` writes one.")
     aircraft = _read(path, stamp(path))
     if aircraft.gains and (path.parent / "aircraft.toml").is_file():

@@ -14,7 +14,7 @@ def is_text(name):
 
 def opened(path, most=10, packed=10_000):
     said = "zip archive with a .txt", "its .txt"
-    with archive.opened(path, *said, is_text, most, packed) as (file, names):
+    with archive.opened(path, *said, is_text, archive.Budget(packed, most)) as (file, names):
         return {name: file.read(name) for name in names}
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.base.files.archive import opened
 
 
 class Trap:
@@ -37,20 +36,6 @@ def test_an_array_that_is_a_pickle_is_not_read(tmp_path, name):
     assert not mark.exists()
     pickle.loads(pickle.dumps(Trap(mark)))
     assert mark.exists()
-
-
-def test_the_members_of_an_archive_are_bounded_together(tmp_path):
-    with zipfile.ZipFile(tmp_path / "a.zip", "w") as made:
-        for name in ("a", "b"):
-            made.writestr(name, bytes(600))
-
-    def names(most):
-        with opened(tmp_path / "a.zip", "zip", "it", lambda _: True, most, 9999) as (_, names):
-            return names
-
-    assert names(1200) == ["a", "b"]
-    with pytest.raises(ft.InputError, match="it must have at most 1199 bytes"):
-        names(1199)
 
 
 def _array(text):

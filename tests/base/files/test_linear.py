@@ -2,11 +2,9 @@
 
 import pytest
 from fuzzing import limited, marked
+from readers import read_fence, read_parameters, read_route
 
 import flighttune as ft
-from flighttune.logs.parameters import flown_now
-from flighttune.routes.fence import fence_tables, read_fence
-from flighttune.routes.mission import read_route
 
 # Processor time that one of these files may take, s: each takes below half of it, and minutes where
 # all of it is searched for each part of it.
@@ -17,10 +15,6 @@ RING = "[[8,47],[9,47],[9,48],[8,47]]"
 POINT = '{"type":"Point"}'
 CIRCLE = '{"circle":{"center":[47,8],"radius":100}}'
 ITEM = '{"type":"SimpleItem","command":16,"frame":3,"params":[0,0,0,0,47,8,1]}'
-
-
-def read_own_fence(path):
-    return read_fence(path, (47.4, 8.5), fence_tables([path]))
 
 
 def shape(kind, inside, stated=""):
@@ -62,17 +56,17 @@ FILES = {
     ),
     "a ring of corners": (
         "x.geojson",
-        read_own_fence,
+        read_fence,
         lambda: shape("Polygon", f'"coordinates":[[{",".join(["[8,47],[9,47]"] * 50_000)}]]'),
     ),
     "many rings": (
         "x.geojson",
-        read_own_fence,
+        read_fence,
         lambda: shape("Polygon", f'"coordinates":[{",".join([RING] * 20_000)}]'),
     ),
     "circles of a fence": (
         "x.plan",
-        read_own_fence,
+        read_fence,
         lambda: f'{{"geoFence":{{"circles":[{",".join([CIRCLE] * 20_000)}]}}}}',
     ),
     "items of a plan": (
@@ -84,8 +78,12 @@ FILES = {
         ),
     ),
     "lines of items": ("x.waypoints", read_route, lambda: "QGC WPL 110\n" + "1 0\n" * 300_000),
-    "corners in lines": ("x.fen", read_own_fence, lambda: "47 8\n" * 300_000),
-    "parameters": ("x.param", flown_now, lambda: "\n".join(f"P{i},1" for i in range(200_000))),
+    "corners in lines": ("x.fen", read_fence, lambda: "47 8\n" * 300_000),
+    "parameters": (
+        "x.param",
+        read_parameters,
+        lambda: "\n".join(f"P{i},1" for i in range(200_000)),
+    ),
     "wrong keys": (
         "x.toml",
         ft.load_scenario,

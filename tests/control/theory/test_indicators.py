@@ -109,6 +109,17 @@ def test_an_unstable_loop_is_a_result_that_names_the_eigenvalue(A, named):
     assert re.search(named, found.reason)
 
 
+def test_loops_with_an_eigenvalue_of_zero_get_no_guarantee_whatever_rounding_makes_of_it():
+    """Integral gains whose rows are equal leave one combination of the errors alone."""
+    draw, model = np.random.default_rng(1), ft.loop.kinematic_model(V_a=25.0, gamma=0.7, g=9.81)
+    rows = draw.uniform(0.1, 4.0, (300, 1, 2)).repeat(2, axis=1)
+    proportional = draw.uniform(-1.0, 1.0, (300, 2, 2)) + 2.0 * np.eye(2)
+    loops = closed_loops(model, np.concatenate([proportional, rows], axis=2))
+
+    assert not ft.loop.indicators_batch(loops).stable.any()
+    assert {ft.loop.indicators(loop).status for loop in loops} == {"unstable"}
+
+
 def test_a_loop_stable_only_by_rounding_gets_no_guarantee():
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
     integrators = turn @ np.diag([0.0, 0.0, -1.0, -1e3]) @ turn.T

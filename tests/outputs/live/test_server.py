@@ -122,6 +122,8 @@ def test_what_the_page_does_not_send_is_refused(page, body):
     [
         {"flight.V_a_mps": -1.0},
         {"flight.V_a_mps": 10**400},
+        {"limits.phi_deg[1]": 10**400},
+        {"limits.phi_deg[1]": -(10**300)},
         {"law[0].module": "x.py"},
         {"gains[0].K_P[0][0]": 1e300},
     ],
@@ -216,3 +218,52 @@ def test_tables_say_which_of_their_cells_are_headings(page):
     assert 'scope="col"' in numbers
     assert '<th scope="row"' in numbers
     assert "R<sub>K</sub>" in numbers
+
+
+def beside(page, count, sent=b""):
+    """Connections that send these bytes and nothing else."""
+    made = [socket.create_connection(("127.0.0.1", page.port), 10.0) for _ in range(count)]
+    for connection in made:
+        connection.sendall(sent)
+    return made
+
+
+def ends(connection):
+    """Whether the server ends a connection; whatever it answers first is read."""
+    connection.settimeout(20.0)
+    try:
+        while connection.recv(4096):
+            pass
+    except ConnectionError:
+        pass
+    except TimeoutError:
+        return False
+    return True
+
+
+HEAD = b"POST /x/picture HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "sent", [b"", b"GET / HT", HEAD, HEAD + b"Content-Length: 1000\r\n\r\n", b"\0" * 9]
+)
+def test_connections_without_the_token_take_no_place_of_the_page_and_end(page, sent):
+    others = beside(page, 200, sent)
+    try:
+        assert ask(page)[0] == 200
+        assert ask(page, "picture", MOVE)[0] == 200
+        assert all(map(ends, others))
+    finally:
+        for connection in others:
+            connection.close()
+
+
+@pytest.mark.soak
+def test_a_window_stays_longer_than_a_connection_may_wait(page):
+    news = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10.0)
+    news.request("GET", f"/{token_of(page)}/events")
+    answer, end = news.getresponse(), time.monotonic() + 6.0
+    while time.monotonic() < end:
+        assert answer.readline().startswith((b":", b"data", b"\n"))
+    news.close()

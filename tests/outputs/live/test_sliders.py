@@ -102,7 +102,7 @@ def test_a_choice_that_is_none_takes_the_table_away():
         ({"flight.V_a_mps": "25"}, "`V_a_mps` must be a valid number, got '25'"),
         ({"flight.V_a_mps": float("nan")}, "`V_a_mps` must be a finite number, got nan"),
         ({"flight.V_a_mps": True}, "`V_a_mps` must be a valid number, got True"),
-        ({"flight.V_a_mps": 10**400}, "`V_a_mps` must be a valid number"),
+        ({"flight.V_a_mps": 10**400}, "V_a_mps` must be a number of at most 64 bits"),
         ({"flight.V_a_mps": 1e9}, "`V_a_mps` must be less than or equal to 1000"),
         ({"limits.phi_deg[1]": "30"}, "`phi_deg` must be"),
         ({"turbulence.intensity": "mighty"}, "must be 'light', 'moderate' or 'severe', got 'mig"),

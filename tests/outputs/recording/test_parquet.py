@@ -14,7 +14,7 @@ from fuzzing import refused_apart
 from made_up import run_file
 
 import flighttune as ft
-from flighttune.base.files import parquet
+from flighttune.base.files import budget, parquet
 from flighttune.base.files.load import BLANK, seal
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.flight.records import parquet as records
@@ -165,7 +165,7 @@ def test_a_file_of_more_numbers_than_fit_is_refused_unread(tmp_path, columns, ro
 
 
 def test_texts_that_unpack_to_much_are_refused_unread(tmp_path, monkeypatch):
-    monkeypatch.setattr(parquet, "MAX_BYTES", 100_000)
+    monkeypatch.setattr(budget, "PARQUET", budget.Budget(unpacked=100_000, entries=60_000))
     table = pa.table({"t": pa.array(["x" * 1000] * 300)})
     sink = pa.BufferOutputStream()
     made = table.replace_schema_metadata({records.SEAL: BLANK})
@@ -203,7 +203,7 @@ def test_pages_are_as_large_as_the_metadata_of_their_column_state(options):
 
 
 def test_a_page_that_claims_more_than_its_metadata_is_refused_unread(monkeypatch):
-    monkeypatch.setattr(parquet, "MAX_BYTES", 1_000_000)
+    monkeypatch.setattr(budget, "PARQUET", budget.Budget(unpacked=1_000_000, entries=60_000))
     sink = pa.BufferOutputStream()
     numbers = pa.table({"x": np.zeros(50_000)})
     pq.write_table(numbers, sink, compression="zstd", use_dictionary=False, data_page_size=2**20)

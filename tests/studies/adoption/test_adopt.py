@@ -942,7 +942,9 @@ def test_engines_are_found_beside_a_main_file_without_a_folder_for_them(own, sur
 def test_a_part_that_is_not_there_is_looked_for_beside_the_main_file(own, surveyed):
     file = own("(?s)<aerodynamics>.*</aerodynamics>", '<aerodynamics file="gone.xml"/>')
 
-    with pytest.raises(ft.loop.PlantError, match=re.escape(f"{file.parent}/gone.xml: No such")):
+    with pytest.raises(
+        ft.loop.PlantError, match=re.escape(f"{file.parent}/gone.xml: must be readable")
+    ):
         surveyed(file)
 
 

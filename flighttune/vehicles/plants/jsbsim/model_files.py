@@ -18,6 +18,7 @@ from typing import NamedTuple, NoReturn, TypeAlias
 from xml.etree.ElementTree import Element
 
 from flighttune.base.errors import InputError, PlantError, ending_of
+from flighttune.base.files.budget import XML, file_bytes
 from flighttune.base.files.shipped import is_trusted
 from flighttune.base.files.whole import scratch_folder, scratch_place
 from flighttune.base.units import FT
@@ -217,7 +218,7 @@ def _hash(unchanged: Unchanged) -> str:
     digest = hashlib.sha256(unchanged.config.fingerprint.encode())
     for file in model_files(unchanged.config):
         digest.update(f"{file.name}\n".encode())
-        digest.update(file.read_bytes())
+        digest.update(file_bytes(file, XML, PlantError))
     return digest.hexdigest()
 
 
