@@ -53,6 +53,7 @@ from flighttune.studies.adoption.survey import (
     SwitchedOff,
     drag_at,
     survey,
+    undefined_in,
     wide_tables,
 )
 from flighttune.vehicles.aircraft.aircraft import (
@@ -113,6 +114,9 @@ AIRSPEED_FACTORS = 1.25, 1.4
 # Factor on the roll rate of the final attempt, because spoilers that roll an aircraft reduce its
 # lift.
 GENTLE = 0.4
+
+# Maximum number of properties that are found one by one because they are read late.
+MAX_LATE = 20
 
 # No further attempt begins after this processor time, s.
 TIME_LEFT = 100.0
@@ -328,7 +332,7 @@ def _adopted(
         if h is None and (lost := _height_lost(surveyed)) > start:
             start = math.ceil(lost / HEIGHT) * HEIGHT
             say(f"a steep glide, from {start:g} m instead of {HEIGHT:g} m")
-            tables.update(as_asked)
+            tables.update(deepcopy(as_asked))
             surveyed = survey(tables, folder, h=start, **choices)
             note = f"its glide is steep: it flies from {start:g} m"
             surveyed = surveyed._replace(notes=(*surveyed.notes, note))
@@ -336,6 +340,14 @@ def _adopted(
         facts = {**pick(surveyed, FACTS), "engines": engines}
         return _best(surveyed, folder, start, say, used)
     except PlantError as error:
+        # A property that a model reads in a later stage alone is declared, from the beginning.
+        late, declared = undefined_in(str(error)), as_asked["declared"]
+        if late and late not in tables["declared"] and len(declared) < MAX_LATE:
+            say(f"{late}, which it reads late, is declared")
+            declared[late] = 0.0
+            tables.clear()
+            tables.update(as_asked)
+            return _adopted(tables, begun, folder, h, choices)
         reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
         reason = reason.removeprefix(f"{os.path.realpath(folder / tables['model'])}: ")
         if isinstance(error, TrimError):
@@ -423,6 +435,8 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
         try:
             tried = _tried(surveyed._replace(V_a=V_a), folder, h, (share, roll_rate), say)
         except PlantError as error:
+            if undefined_in(str(error)):
+                raise
             refused = refused or error
             continue
         if best is None or _merit(tried) > _merit(best):
@@ -492,6 +506,9 @@ def _tried(
     say("step 8 of 9: flying the turn")
     flight = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
+    for run in flight.runs:  # such an end is that of a property, not of the turn
+        if undefined_in(run.reason):
+            raise PlantError(run.reason)
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
         name: _measures(flight, f"{LAW}:{gains}", f"jsbsim:{folder.name}")

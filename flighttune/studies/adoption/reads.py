@@ -131,7 +131,7 @@ def _read(part: Element) -> Iterator[str]:
     """Properties that an element reads, with those below it."""
     if part.tag in SILENT:
         return
-    words = (part.text or "").split()
+    words = re.split(r"[\s()]+", (part.text or "").strip())  # a template: NAME(property)
     names = [word for word in words if "/" in word or (part.tag in NAMING and len(words) == 1)]
     names += [part.attrib[name].strip() for name in ATTRIBUTES if name in part.attrib]
     for name in names:

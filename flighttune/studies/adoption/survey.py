@@ -945,26 +945,25 @@ class _Model:
             return surfaces
         fault = next(iter(faults.values()))
         past, measured = self._past_flight_control()
-        # Only the surfaces at fault are replaced, unless that leaves or makes other faults.
-        names = {*faults}
-        while past:
-            replaced = {name: table for name, table in past.items() if name in names}
+        # Only the dead surfaces are replaced, unless the flight control is at fault without them.
+        dead = faults.keys() - moved.keys()
+        for replaced in ({name: past[name] for name in past if name in dead}, past):
+            if not replaced:
+                continue
             whole = {name: tables["surfaces"][name] for name in past} | replaced
             frozen = self._held(past) if replaced == past else {}
             declared = tables["declared"] | frozen
             moved_past, faults_past = self._answers(self.load(surfaces=whole, declared=declared))
-            if not faults_past:
-                of = "" if replaced == past else f" for its {listed([*replaced])}"
-                self.notes.append(f"its flight control is bypassed{of}: {fault}")
-                if frozen:
-                    held = ", ".join(name.removeprefix("ft/") for name in frozen)
-                    self.notes.append(f"its flight control moves {held}: held as in level flight")
-                    tables["declared"] |= frozen
-                return {name: whole[name] | table for name, table in moved_past.items()}
-            if names >= past.keys():
-                break
-            names = names | faults_past.keys() if faults_past.keys() - names else {*past}
-        if faults.keys() - moved.keys():
+            if faults_past:
+                continue
+            of = "" if replaced == past else f" for its {listed([*replaced])}"
+            self.notes.append(f"its flight control is bypassed{of}: {fault}")
+            if frozen:
+                held = ", ".join(name.removeprefix("ft/") for name in frozen)
+                self.notes.append(f"its flight control moves {held}: held as in level flight")
+                tables["declared"] |= frozen
+            return {name: whole[name] | table for name, table in moved_past.items()}
+        if dead:
             raise Refusal(fault + measured)
         self.notes.append(fault)
         return surfaces
@@ -1021,10 +1020,7 @@ class _Model:
         states = " ".join(f"--set {name}={value:g}" for name, value in values.items())
         names = [f"{name} = {value:g}" for name, value in values.items()]
         it, verb = ("it", "is") if len(names) == 1 else ("them", "are")
-        self.notes.append(
-            f"{listed(names)} {verb} assumed: with 0 {without}; "
-            f"{states} states {it}"
-        )
+        self.notes.append(f"{listed(names)} {verb} assumed: with 0 {without}; {states} states {it}")
 
     def _switch_on(self, dead: Collection[str]) -> bool:
         """Set properties whose 0 switches off commands; whether there are any."""

@@ -7,8 +7,7 @@ import jsbsim
 import pytest
 from commands import answer
 
-import flighttune as ft
-from flighttune.studies.adoption import adopt, survey
+from flighttune.studies.adoption import survey
 
 C172P = (Path(jsbsim.get_default_root_dir()) / "aircraft/c172p/c172p.xml").read_text("latin-1")
 
@@ -208,7 +207,9 @@ HARM = {
     },
     "an autopilot": {
         "aileron": function(product(CMD, ON)),
-        "elevator": function(f"<sum><property>{CMD}</property>{product('velocities/q-rad_sec', ON)}</sum>"),
+        "elevator": function(
+            f"<sum><property>{CMD}</property>{product('velocities/q-rad_sec', ON)}</sum>"
+        ),
     },
     "a bias": {
         "aileron": function(product(CMD, ON)),
@@ -247,3 +248,95 @@ def test_a_switch_that_is_set_to_0_is_no_question(gated):
     (said,) = (note for note in found.notes if "bypassed for its elevator" in note)
     assert ON not in said
     assert "replaces" not in found.tables["surfaces"]["aileron"]
+
+
+LEVER = "fcs/throttle-cmd-norm"
+
+
+def lever(inside, before=""):
+    gate = f'<fcs_function name="fcs/lever"><function>{inside}</function>'
+    gate += "<output>fcs/throttle-pos-norm</output></fcs_function>"
+    return f'<channel name="lever">{before}{gate}</channel>'
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        (lever(product(LEVER, ON)), {ON: 1}),
+        (lever(product(LEVER, ON, "/systems/bus")), {ON: 1, "/systems/bus": 1}),
+        (lever(f"<product><property>{LEVER}</property>{TABLE}</product>"), {ON: 28}),
+        # /open opens it whatever its command is
+        (lever(f"<max>{product(LEVER, ON)}<property>/open</property></max>"), {ON: 1}),
+    ],
+)
+def test_a_throttle_behind_switches_is_that_of_the_aircraft_with_them_on(
+    gated, whole, text, values
+):
+    found = surveyed(gated({}, more=text))
+
+    assert says(found, values)
+    assert is_same(found, whole)
+    assert found.spare_thrust == pytest.approx(whole.spare_thrust, rel=DIGITS)
+
+
+LAMP = "/gear/gear[1]/wow"
+
+
+def lamp(test, name=LAMP):
+    """An indicator that reads a property only while a test holds."""
+    value, compared, bound = test.split()
+    return (
+        f'<channel name="Lamp"><fcs_function name="fcs/lamp"><function><ifthen><{compared}>'
+        f"<property>{value}</property><value>{bound}</value></{compared}>"
+        f"<property>{name}</property><value>0</value></ifthen></function></fcs_function></channel>"
+    )
+
+
+LATE = (
+    "gear/gear-cmd-norm lt 0.5",
+    "fcs/throttle-cmd-norm gt 0.9",
+    "simulation/sim-time-sec gt 30",
+    "velocities/vt-fps gt 400",
+    "attitude/phi-rad gt 0.2",
+)
+
+
+@pytest.mark.parametrize(
+    "test",
+    [
+        pytest.param(test, marks=pytest.mark.soak if i else pytest.mark.slow)
+        for i, test in enumerate(LATE)
+    ],
+)
+def test_a_property_that_is_read_late_is_0(gated, whole, test):
+    found = surveyed(gated({}, more=lamp(test)))
+
+    assert found.tables["declared"] == {LAMP: 0.0}
+    assert is_same(found, whole)
+
+
+READS = {
+    "input": '<summer name="fcs/x"><input>{}</input></summer>',
+    "negated": '<summer name="fcs/x"><input>-{}</input></summer>',
+    "test": '<switch name="fcs/x"><default value="0"/><test value="1">{} gt 1</test></switch>',
+    "value": '<switch name="fcs/x"><default value="{}"/></switch>',
+    "gain": '<pure_gain name="fcs/x"><input>fcs/y</input><gain>{}</gain></pure_gain>',
+    "clipto": '<summer name="fcs/x"><input>aero/qbar-psf</input>'
+    "<clipto><min>-{}</min><max>1</max></clipto></summer>",
+    "table": '<fcs_function name="fcs/x"><function><table><independentVar>{}</independentVar>'
+    "<tableData>0 0\n1 1</tableData></table></function></fcs_function>",
+    "trigger": '<pid name="fcs/x"><input>aero/qbar-psf</input><kp>0</kp><trigger>{}</trigger></pid>',
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", READS)
+def test_a_property_is_found_by_each_element_that_reads_it(gated, kind):
+    """The channel runs while the roll angle exceeds 12 degrees, which no survey flies."""
+    rolls = '<channel name="r"><fcs_function name="fcs/rolls"><function><gt><property>attitude/'
+    rolls += "phi-rad</property><value>0.2</value></gt></function></fcs_function></channel>"
+    part = READS[kind].format("a/late")
+    file = gated({}, more=f'{rolls}<channel name="l" execute="fcs/rolls">{part}</channel>')
+
+    assert surveyed(file).tables["declared"]["a/late"] == 0.0
