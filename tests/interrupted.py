@@ -55,6 +55,6 @@ if __name__ == "__main__":
         with tempfile.TemporaryFile("w+") as file, contextlib.suppress(KeyboardInterrupt):
             status = run(number, at, sys.argv[3:], file)
             file.seek(0)
-            print(json.dumps([status, file.read()]), flush=True)
+            sys.stdout.write(json.dumps([status, file.read()]) + "\n")
             if os.WIFEXITED(status) and os.WEXITSTATUS(status) == 99:
                 break

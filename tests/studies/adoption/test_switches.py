@@ -5,7 +5,6 @@ from pathlib import Path
 
 import jsbsim
 import pytest
-from commands import answer
 
 from flighttune.studies.adoption import survey
 
