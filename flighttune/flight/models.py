@@ -316,7 +316,10 @@ def with_found_gains(scenario: Scenario) -> Scenario:
     if scenario.gains != [FIRST_FOUND[0]]:
         return scenario
     for name in FIRST_FOUND:
-        found = scenario.model_copy(update={"gains": [name]})
+        # Tuning found no gains of the first: its roll is slow, and bounds those of the others.
+        tuning = {"roll_rate": True} if name != FIRST_FOUND[0] else {}
+        changed = {"gains": [name], "tuning": scenario.tuning.model_copy(update=tuning)}
+        found = scenario.model_copy(update=changed)
         if gain_set(found, found.gain_names[0]) is not None:
             return found
     raise InfeasibleError(

@@ -345,7 +345,7 @@ class Flights:
     def _with_found_gains(self, campaign: Campaign) -> Campaign:
         """The campaign of a mission, with the first gains that tuning finds, which it says."""
         found = models.with_found_gains(campaign.nominal)
-        if found is campaign.nominal or found.gains == campaign.nominal.gains:
+        if found.gains == campaign.nominal.gains:
             return campaign
         tables = found.as_dict()
         lacking = f"tuning finds no {campaign.nominal.gains[0]} gains within the limits"

@@ -325,7 +325,7 @@ READS = {
     "<clipto><min>-{}</min><max>1</max></clipto></summer>",
     "table": '<fcs_function name="fcs/x"><function><table><independentVar>{}</independentVar>'
     "<tableData>0 0\n1 1</tableData></table></function></fcs_function>",
-    "trigger": '<pid name="fcs/x"><input>aero/qbar-psf</input><kp>0</kp><trigger>{}</trigger></pid>',
+    "trigger": '<pid name="fcs/x"><input>aero/qbar-psf</input><trigger>{}</trigger></pid>',
 }
 
 
