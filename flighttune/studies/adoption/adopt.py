@@ -505,15 +505,11 @@ def _tried(
     identified = identify_aircraft(folder, h=h)
     identified.identified.save(folder / FILE_NAME)
     say("step 8 of 9: flying the turn")
-    tuned, notes = _turn_of(folder, condition, tables), surveyed.notes
-    if tuned not in (None, FIRST_FOUND[0]):
-        without = f"tuning finds no {FIRST_FOUND[0]} gains that meet the constraints"
-        notes = (*notes, f"{without}: {tuned} flies the turn")
-    flight = fly(load_scenario(folder / TURN))
+    tuned = _turn_of(folder, condition, tables)
+    without = f"tuning finds no {FIRST_FOUND[0]} gains that meet the constraints"
+    other = [f"{without}: {tuned} flies the turn"] * (tuned not in (None, FIRST_FOUND[0]))
+    flight = _flown(folder / TURN)
     nominal = identified.identified.conditions[0]
-    for run in flight.runs:  # such an end is that of a property, not of the turn
-        if undefined_in(run.reason):
-            raise PlantError(run.reason)
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
         name: _measures(flight, f"{LAW}:{gains}", f"jsbsim:{folder.name}")
@@ -528,7 +524,7 @@ def _tried(
         engines=tables["engines"]["count"],
         **drag,
         V_a=surveyed.V_a,
-        notes=notes,
+        notes=(*surveyed.notes, *other),
         switched_off=surveyed.switched_off,
         fit_percent=fits,
         flown=flights,
@@ -546,6 +542,15 @@ def _turn_of(folder: Path, start: FlightCondition, tables: Mapping[str, Any]) ->
         if gain_set(scenario, scenario.gain_names[0]) is not None:
             return gains
     return None
+
+
+def _flown(turn: Path) -> FlownScenario:
+    """The flights of a turn; PlantError if a property that is read late ended one."""
+    flight = fly(load_scenario(turn))
+    for run in flight.runs:
+        if undefined_in(run.reason):
+            raise PlantError(run.reason)
+    return flight
 
 
 def _measures(flown: FlownScenario, gains: str, plant: str) -> dict[str, Any]:

@@ -668,7 +668,7 @@ class _Model:
 
     def find_throttle(self) -> None:
         """Find the property that moves the throttle if the usual command does not."""
-        bench, declared = self.load(), self.tables["declared"]
+        bench = self.load()
         fdm = bench.fdm
         if "command" in self.tables["engines"] or not fdm.shows(THROTTLE_POSITION):
             return
@@ -712,14 +712,19 @@ class _Model:
             return at(1.0) - at(0.0) > 0.5 and _same(before, self._moves(bench, shut))
 
         before = self._moves(self.load(), shut)
-        values = self._switches([properties.THROTTLE, "fcs/throttle-cmd-norm"])
-        if switches := opening(self.defined - self.values.keys()):
-            values = {switches[0]: [1.0]}
-        elif not values:
-            zeros = [name for name, x in declared.items() if not x and name not in self.values]
-            values = {name: [1.0] for name in zeros[:MAX_TRIED_IN]}
+        values = self._throttle_switches(opening(self.defined - self.values.keys()))
         if found := reads.fewest(values, follows):
             self._set(found, "its throttle does not follow its command")
+
+    def _throttle_switches(self, opening: Sequence[str]) -> dict[str, list[float]]:
+        """Values to try of the first property that opens the throttle, or of those on its way."""
+        if opening:
+            return {opening[0]: [1.0]}
+        if values := self._switches([properties.THROTTLE, "fcs/throttle-cmd-norm"]):
+            return values
+        declared = self.tables["declared"].items()
+        zeros = [name for name, x in declared if not x and name not in self.values]
+        return {name: [1.0] for name in zeros[:MAX_TRIED_IN]}
 
     def drive(self) -> None:
         """Choose the airspeed by the thrust, with the first lever settings that let it fly."""
