@@ -28,6 +28,9 @@ TUNED_GENTLE = "tuned_gentle"
 # Gains of the exact law alone
 OF_EXACT_LAW = TUNED_FED_BACK, TUNED_GENTLE
 
+# Gains that fly where none are stated: the first that tuning finds.
+FIRST_FOUND = TUNED_FED_BACK, TUNED_IDENTIFIED
+
 # Gains tuned for an aircraft, the best first.
 TUNED_FOR_AIRCRAFT = *OF_EXACT_LAW, TUNED_IDENTIFIED
 

@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flighttune.base.arrays import FloatArray, numbers_of
-from flighttune.base.errors import InputError, ScenarioError
+from flighttune.base.errors import InfeasibleError, InputError, ScenarioError
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.units import wrap_angle
+from flighttune.base.words import listed
 from flighttune.control import inner_loop
 from flighttune.control.certificates.exact_rate import Sampling
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import NO_FEEDBACK, RATES, PIGains, paper_family
 from flighttune.control.gains_keys import (
+    FIRST_FOUND,
     OF_EXACT_LAW,
     TUNED,
     TUNED_FED_BACK,
@@ -304,6 +306,26 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
         law = _tuned_by(scenario, scenario.law_of(name)[0])
         sets[name] = gain_set(scenario, name, tunings.get(law.tuned_as))
     return sets, tunings.get(_tuned_by(scenario, scenario.laws[0]).tuned_as)
+
+
+def with_found_gains(scenario: Scenario) -> Scenario:
+    """A scenario whose gains nobody stated, with the first of `FIRST_FOUND` that tuning finds.
+
+    InfeasibleError if it finds none. A scenario of other gains is returned as it is.
+    """
+    if scenario.gains != [FIRST_FOUND[0]]:
+        return scenario
+    for name in FIRST_FOUND:
+        # Tuning found no gains of the first: its roll is slow, and bounds those of the others.
+        tuning = {"roll_rate": True} if name != FIRST_FOUND[0] else {}
+        changed = {"gains": [name], "tuning": scenario.tuning.model_copy(update=tuning)}
+        found = scenario.model_copy(update=changed)
+        if gain_set(found, found.gain_names[0]) is not None:
+            return found
+    raise InfeasibleError(
+        f"{scenario.title}: `gains` must be feasible: tuning found no {listed(FIRST_FOUND, 'or')} "
+        f"for {scenario.identified_name} within the limits; faster limits may do, or a gains file."
+    )
 
 
 def _tuned_by(scenario: Scenario, law: Law, gains: str = TUNED) -> Law:

@@ -13,7 +13,9 @@ from flighttune.base.files.shipped import SCHEMAS
 from flighttune.base.files.whole import together, write_text
 from flighttune.base.units import DEG, G_PAPER, Degrees, Seconds
 from flighttune.base.words import pick
+from flighttune.control.gains_keys import FIRST_FOUND
 from flighttune.flight.load import load_scenario
+from flighttune.flight.models import with_found_gains
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.vehicles.identification.file import load_identified, rounded
 from flighttune.vehicles.plants.jsbsim.trim import level
@@ -60,8 +62,11 @@ def new_scenario(
     settle : float, s, optional
         Maximum settling time of course and path angle, to 5 %. Both are then steps.
 
-    Raises OutputError if the file exists, and InputError if the aircraft does not exist or cannot
-    fly it, a requirement is not positive, or the name is empty or has a control character.
+    Its gains are the first that tuning finds of ``tuned_fed_back`` and ``tuned_identified``.
+
+    Raises OutputError if the file exists, InfeasibleError if tuning finds no gains, and InputError
+    if the aircraft does not exist or cannot fly it, a requirement is not positive, or the name is
+    empty or has a control character.
     """
     if not name.isprintable():
         raise InputError(f"`NAME` must have printable characters only, got {name!r}.")
@@ -86,8 +91,12 @@ def _written(
     document = _first(aircraft or AIRCRAFT, file.parent)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
     text = f"#:schema {SCHEMA}\n{_requiring(document, overshoot, settle)}"
-    write_text(file, text + (NEXT_HEAD + NEXT).format(**names))
-    load_scenario(file)
+    text += (NEXT_HEAD + NEXT).format(**names)
+    write_text(file, text)
+    if (found := with_found_gains(load_scenario(file)).gains[0]) != FIRST_FOUND[0]:
+        first, other = (f'gains    = ["{name}"] ' for name in (FIRST_FOUND[0], found))
+        assert first in text  # of the template
+        write_text(file, text.replace(first, other, 1).replace(f'also "{found}"', "others"))
     shipped = (SCHEMAS / "scenario.json").read_text(encoding="utf-8")
     write_text(file.parent / SCHEMA, shipped)
     return file

@@ -12,6 +12,7 @@ from flighttune.control.gains_keys import TUNED_FED_BACK
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.load import check_scenario, chosen_entry, speed_protected
 from flighttune.flight.loop.run import Run
+from flighttune.flight.models import with_found_gains
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.logs.identify import flying
@@ -115,7 +116,7 @@ def _leg(aircraft: str, V_a: float, h: float, grade: str, seed: int) -> Scenario
         }
     )
     check_scenario(scenario, scenario.title)
-    return scenario
+    return with_found_gains(scenario)
 
 
 def _sizes(leg: Scenario) -> FloatArray:

@@ -10,6 +10,7 @@ from flighttune.base.units import DEG_PER_RAD
 from flighttune.control.gains_keys import TUNED_FED_BACK
 from flighttune.flight.load import check_scenario, speed_protected
 from flighttune.flight.loop.run import Run
+from flighttune.flight.models import with_found_gains
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
@@ -56,7 +57,7 @@ def followed(log: Run, aircraft: str) -> Scenario:
         }
     )
     check_scenario(scenario, scenario.title)
-    return scenario
+    return with_found_gains(scenario)
 
 
 def _sampled(log: Run, times: FloatArray, *names: str) -> FloatArray:

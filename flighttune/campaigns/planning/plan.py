@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.arguments import checked_class
-from flighttune.base.errors import InputError, RecordingError, ScenarioError
+from flighttune.base.errors import InfeasibleError, InputError, RecordingError, ScenarioError
 from flighttune.base.files.load import CAMPAIGN
 from flighttune.base.files.table import abridged, hash_of, json_tables, validated
 from flighttune.base.quantities import Table
+from flighttune.base.words import listed
 from flighttune.campaigns.planning.draws import cycle, dispersed_places, drawn, with_drawn
 from flighttune.campaigns.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
@@ -296,6 +297,8 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     ------
     InputError, ScenarioError
         If `runs` is not positive, or an identified model is needed and missing.
+    InfeasibleError
+        If tuning finds none of the gain sets.
 
     Examples
     --------
@@ -304,7 +307,13 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     (5, 4)
     """
     scenario = campaign.nominal
-    sets, _ = gain_sets(scenario)
+    sets, tuning = gain_sets(scenario)
+    if all(gains is None for gains in sets.values()):  # known before any flight
+        why = f": {tuning.reason.removesuffix('.')}" if tuning and tuning.reason else ""
+        raise InfeasibleError(
+            f"{campaign.title}: `gains` must be feasible: tuning found no {listed([*sets], 'or')}"
+            f"{why}."
+        )
     windy = campaign.central.windy  # aircraft then fly first; others replay their wind
     plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
     groups = tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)

@@ -27,6 +27,7 @@ from flighttune.campaigns.planning.schema import (
     Uniform,
 )
 from flighttune.control.gains_keys import TUNED_FOR_AIRCRAFT, GainsTable
+from flighttune.flight import models
 from flighttune.flight.load import check_identified, check_scenario, is_model, load_scenario
 from flighttune.flight.route import AIRCRAFT, mission_scenario, planned_route
 from flighttune.flight.scenario import load
@@ -335,10 +336,23 @@ class Flights:
             scenario = load.with_gains(scenario, [gains], self.place)
             table = campaign.model_copy(update={"gains": scenario.gains})
             campaign = campaign_on(table, scenario, self.place)
+        if self.mission and not self.recorded:
+            campaign = self._with_found_gains(campaign)
         plan = self.recorded or plan_campaign(campaign)
         if self.mission or self.recorded:
             plan.chosen_group(None, gains)  # this refuses other gains
         return plan
+
+    def _with_found_gains(self, campaign: Campaign) -> Campaign:
+        """The campaign of a mission, with the first gains that tuning finds, which it says."""
+        found = models.with_found_gains(campaign.nominal)
+        if found.gains == campaign.nominal.gains:
+            return campaign
+        tables = found.as_dict()
+        lacking = f"tuning finds no {campaign.nominal.gains[0]} gains within the limits"
+        said = f"{lacking}: {found.gains[0]} flies"
+        tables["route"]["notes"] = [*tables["route"].get("notes", []), said]
+        return campaign_on(campaign, load.scenario_from(tables), self.place)
 
 
 def in_spread(campaign: Campaign, spread: Spread, place: str) -> Campaign:

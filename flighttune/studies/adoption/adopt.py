@@ -34,10 +34,12 @@ from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, Metres, MetresPerSecond
 from flighttune.base.words import pick
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
+from flighttune.control.gains_keys import FIRST_FOUND
 from flighttune.flight.flown import SWING, FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.flight.metrics import COMMAND_OF, measures, swings
+from flighttune.flight.models import gain_set
 from flighttune.studies.adoption.flightgear import (
     SET,
     UNSTATED,
@@ -53,6 +55,7 @@ from flighttune.studies.adoption.survey import (
     SwitchedOff,
     drag_at,
     survey,
+    undefined_in,
     wide_tables,
 )
 from flighttune.vehicles.aircraft.aircraft import (
@@ -79,7 +82,7 @@ REFUSED = "# refused: "  # comment in the draft of a refused aircraft
 
 LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed flight
 
-LAW, TUNED, PAPER = "exact", "tuned_fed_back", "paper_scaled"  # law and gain sets of the turn
+LAW, PAPER = "exact", "paper_scaled"  # law of the turn, and the gains that it compares with
 
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 Say: TypeAlias = Callable[[str], object]  # called with the name of each stage
@@ -113,6 +116,9 @@ AIRSPEED_FACTORS = 1.25, 1.4
 # Factor on the roll rate of the final attempt, because spoilers that roll an aircraft reduce its
 # lift.
 GENTLE = 0.4
+
+# Maximum number of properties that are found one by one because they are read late.
+MAX_LATE = 20
 
 # No further attempt begins after this processor time, s.
 TIME_LEFT = 100.0
@@ -328,7 +334,7 @@ def _adopted(
         if h is None and (lost := _height_lost(surveyed)) > start:
             start = math.ceil(lost / HEIGHT) * HEIGHT
             say(f"a steep glide, from {start:g} m instead of {HEIGHT:g} m")
-            tables.update(as_asked)
+            tables.update(deepcopy(as_asked))
             surveyed = survey(tables, folder, h=start, **choices)
             note = f"its glide is steep: it flies from {start:g} m"
             surveyed = surveyed._replace(notes=(*surveyed.notes, note))
@@ -336,6 +342,14 @@ def _adopted(
         facts = {**pick(surveyed, FACTS), "engines": engines}
         return _best(surveyed, folder, start, say, used)
     except PlantError as error:
+        # A property that a model reads in a later stage alone is declared, from the beginning.
+        late, declared = undefined_in(str(error)), as_asked["declared"]
+        if late and late not in tables["declared"] and len(declared) < MAX_LATE:
+            say(f"{late}, which it reads late, is declared")
+            declared[late] = 0.0
+            tables.clear()
+            tables.update(as_asked)
+            return _adopted(tables, begun, folder, h, choices)
         reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
         reason = reason.removeprefix(f"{os.path.realpath(folder / tables['model'])}: ")
         if isinstance(error, TrimError):
@@ -423,6 +437,8 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
         try:
             tried = _tried(surveyed._replace(V_a=V_a), folder, h, (share, roll_rate), say)
         except PlantError as error:
+            if undefined_in(str(error)):
+                raise
             refused = refused or error
             continue
         if best is None or _merit(tried) > _merit(best):
@@ -488,14 +504,16 @@ def _tried(
     say("step 7 of 9: identifying roll and load factor")
     identified = identify_aircraft(folder, h=h)
     identified.identified.save(folder / FILE_NAME)
-    write_text(folder / TURN, turn_text(folder.name, condition, tables))
     say("step 8 of 9: flying the turn")
-    flight = fly(load_scenario(folder / TURN))
+    tuned = _turn_of(folder, condition, tables)
+    without = f"tuning finds no {FIRST_FOUND[0]} gains that meet the constraints"
+    other = [f"{without}: {tuned} flies the turn"] * (tuned not in (None, FIRST_FOUND[0]))
+    flight = _flown(folder / TURN)
     nominal = identified.identified.conditions[0]
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
         name: _measures(flight, f"{LAW}:{gains}", f"jsbsim:{folder.name}")
-        for name, gains in (("tuned", TUNED), ("paper", PAPER))
+        for name, gains in (("tuned", tuned or FIRST_FOUND[-1]), ("paper", PAPER))
     }
     missed = "; ".join(_missed(fits, **flights))
     return Adoption(
@@ -506,7 +524,7 @@ def _tried(
         engines=tables["engines"]["count"],
         **drag,
         V_a=surveyed.V_a,
-        notes=surveyed.notes,
+        notes=(*surveyed.notes, *other),
         switched_off=surveyed.switched_off,
         fit_percent=fits,
         flown=flights,
@@ -514,6 +532,25 @@ def _tried(
         identified=identified,
         turn=flight,
     )
+
+
+def _turn_of(folder: Path, start: FlightCondition, tables: Mapping[str, Any]) -> str | None:
+    """Write the turn of the first gains that tuning finds; their name, None if it finds none."""
+    for gains in FIRST_FOUND:
+        write_text(folder / TURN, turn_text(folder.name, start, tables, gains))
+        scenario = load_scenario(folder / TURN)
+        if gain_set(scenario, scenario.gain_names[0]) is not None:
+            return gains
+    return None
+
+
+def _flown(turn: Path) -> FlownScenario:
+    """The flights of a turn; PlantError if a property that is read late ended one."""
+    flight = fly(load_scenario(turn))
+    for run in flight.runs:
+        if undefined_in(run.reason):
+            raise PlantError(run.reason)
+    return flight
 
 
 def _measures(flown: FlownScenario, gains: str, plant: str) -> dict[str, Any]:
@@ -540,6 +577,9 @@ def _missed(
     for channel, fit in fits.items():
         if not fit >= GOOD_FIT:
             yield f"a lag explains {fit:.1f} % of {channel}, less than {GOOD_FIT:g} %"
+    if tuned["status"] == "no_gains":
+        yield f"the turn was not flown: {tuned['reason'].removesuffix('.')}"
+        return
     if tuned["status"] != "completed":
         yield f"the turn ended early: {tuned['reason'].removesuffix('.')}"
         return
@@ -651,7 +691,9 @@ def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str)
     return aircraft_text(surveyed, (f"refused: {reason}", missing, more))
 
 
-def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) -> str:
+def turn_text(
+    aircraft: str, start: FlightCondition, tables: Mapping[str, Any], gains: str = FIRST_FOUND[0]
+) -> str:
     """The text of a scenario: a turn of 20 deg with a climb, or a steeper glide, of 3 deg."""
     K_P, K_I = (start.V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
     glide = start.gamma / DEG
@@ -662,7 +704,7 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
         "with airspeed",
         "source": SOURCE,
         "law": LAW,
-        "gains": [TUNED, {"name": PAPER, "K_P": K_P.tolist(), "K_I": K_I.tolist()}],
+        "gains": [gains, {"name": PAPER, "K_P": K_P.tolist(), "K_I": K_I.tolist()}],
         "flight": {"V_a_mps": start.V_a, "h_m": start.h, "duration_s": 40.0}
         | ({"gamma_deg": glide} if glide else {}),
         "reference": {"chi_deg": 20.0, "gamma_deg": gamma},
@@ -672,6 +714,6 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
         "tuning": {"model": "identified", "roll_rate": True, "lift_rate": True},
         "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
         # The paper's gains fly for comparison; their early end is reported but is not a failure.
-        "expect": [{"gains": f"{LAW}:{TUNED}", "status": "completed"}],
+        "expect": [{"gains": f"{LAW}:{gains}", "status": "completed"}],
     }
     return tomlkit.dumps(rounded(scenario, DIGITS))

@@ -3,7 +3,8 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -19,9 +20,10 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
 from flighttune.base.units import DEG, FT, G_0
 from flighttune.base.words import listed
+from flighttune.studies.adoption import reads
 from flighttune.studies.adoption.flightgear import UNSTATED, Stated
+from flighttune.studies.adoption.reads import ANY_NAME
 from flighttune.vehicles.aircraft.aircraft import (
-    PROPERTY_NAME,
     SURFACES,
     AircraftConfig,
     aircraft_from,
@@ -43,9 +45,6 @@ SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may overwrite
 # Maximum number of another simulator's properties that are declared for a model, and that a
 # sentence names.
 MAX_DECLARED, MAX_NAMED = 1000, 8
-
-# Names of the model's properties; with a slash also of other simulators.
-ANY_NAME = PROPERTY_NAME.replace("^", "^/?", 1)
 
 # Time in which a running model shows its references to properties, s.
 TRIAL_S = 0.1
@@ -116,6 +115,11 @@ EXTERNAL = "forces/fbx-external-lbs"
 
 # Names under which aerodynamics read a surface with several names.
 NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
+
+# Motion beside level flight (rad, rad/s), share of the effect of a command and change of an
+# acceleration (m/s^2) by which a switch must not change what already moves.
+BESIDE = {"alpha": 2.0 * DEG, "beta": 0.05, "p": 0.1, "q": 0.1, "r": 0.1}
+SAME_EFFECT, SAME_ACCELERATION = 0.01, 0.1
 
 # Deviations from level flight in which every coefficient acts, rad and rad/s, and minimum share of
 # an axis for the report of a coefficient that is 0.
@@ -197,6 +201,12 @@ HOLD_TIMES = 3.0, 4.0
 DRIFT = 0.05
 
 ONE_RADIAN = math.degrees(1.0)
+
+
+def undefined_in(text: str) -> str:
+    """The undefined property in an error message of JSBSim; empty without one."""
+    missing = MISSING.search(text)
+    return property_name(missing[1]) if missing else ""
 
 
 class Refusal(PlantError):
@@ -511,6 +521,11 @@ class _Model:
         """Given values, with levers of gear, flaps and brakes as in flight."""
         return {name: 0.0 if LEVERS_IN.search(name) else x for name, x in self.stated_read.items()}
 
+    @cached_property
+    def parts(self) -> list[reads.Part]:
+        """Its components of flight control and functions."""
+        return reads.parts(self.roots)
+
     @property
     def zeros(self) -> list[str]:
         """Properties of another simulator that are 0 by default and not by a given value."""
@@ -540,21 +555,26 @@ class _Model:
 
     def declare(self) -> None:
         """Declare the undefined properties that the model refers to, and the values."""
-        declared = self.tables["declared"]
+        declared = self.tables["declared"]  # it may have some that an earlier survey found late
+        declared |= {name: self.taken.get(name, x) for name, x in declared.items()}
         for name, value in self.values.items():
             if not (re.fullmatch(ANY_NAME, name) and math.isfinite(value)):
                 raise InputError(f"--set must be NAME=VALUE, got {name[:80]}={value}.")
         declared |= {name: x for name, x in self.values.items() if name.startswith("/")}
-        for _ in range(MAX_DECLARED - len(declared)):
+        read = sorted(reads.read(self.roots))
+        while len(declared) < MAX_DECLARED:
             try:
                 bench = self.load()
+                # JSBSim misses the others only where it reads them, such as after 30 s.
+                if new := [x for x in read if x not in declared and not bench.fdm.shows(x)]:
+                    declared |= {name: self.taken.get(name, 0.0) for name in new}
+                    bench = self.load()
                 for V_a, alpha in SHOWN_AT:
                     bench.accelerations(_level(V_a, alpha))
                     bench.fdm.hold(TRIAL_S)
                 break
             except PlantError as error:
-                missing = MISSING.search(str(error))
-                name = property_name(missing[1]) if missing else ""
+                name = undefined_in(str(error))
                 if not name or name in declared or name.startswith("ft/"):
                     raise
                 declared[name] = self.taken.get(name, 0.0)
@@ -648,7 +668,7 @@ class _Model:
 
     def find_throttle(self) -> None:
         """Find the property that moves the throttle if the usual command does not."""
-        bench, declared = self.load(), self.tables["declared"]
+        bench = self.load()
         fdm = bench.fdm
         if "command" in self.tables["engines"] or not fdm.shows(THROTTLE_POSITION):
             return
@@ -682,17 +702,29 @@ class _Model:
             return
         # A factor on the command is 0 until another simulator's script sets it.
         at(1.0)
-        switches = opening(self.defined - self.values.keys())
-        zeros = [name for name, x in declared.items() if not x and name not in self.values]
-        for name in switches[:1] or zeros[:MAX_TRIED_IN]:
-            table = "settings" if switches else "declared"
-            set_ = self.tables[table] | {name: 1.0}
-            bench = self.load(**{table: set_})
+
+        shut = 0.0, 0.0
+
+        def follows(values: Mapping[str, float]) -> bool:
+            nonlocal bench, position
+            bench = self.load(**self._with(values))
             position = bench.fdm.reader(THROTTLE_POSITION)
-            if at(1.0) - opened > 0.5:
-                self.tables[table] = set_
-                self.notes.append(f"its throttle follows its command by {name} = 1")
-                return
+            return at(1.0) - at(0.0) > 0.5 and _same(before, self._moves(bench, shut))
+
+        before = self._moves(self.load(), shut)
+        values = self._throttle_switches(opening(self.defined - self.values.keys()))
+        if found := reads.fewest(values, follows):
+            self._set(found, "its throttle does not follow its command")
+
+    def _throttle_switches(self, opening: Sequence[str]) -> dict[str, list[float]]:
+        """Values to try of the first property that opens the throttle, or of those on its way."""
+        if opening:
+            return {opening[0]: [1.0]}
+        if values := self._switches([properties.THROTTLE, "fcs/throttle-cmd-norm"]):
+            return values
+        declared = self.tables["declared"].items()
+        zeros = [name for name, x in declared if not x and name not in self.values]
+        return {name: [1.0] for name in zeros[:MAX_TRIED_IN]}
 
     def drive(self) -> None:
         """Choose the airspeed by the thrust, with the first lever settings that let it fly."""
@@ -906,42 +938,146 @@ class _Model:
     def surfaces(self) -> dict[str, Any]:
         """Tables of the surfaces, commanded through the model's flight control or past it."""
         tables, level = self.tables, self.level()
-        moved, fault = self._answers(self.load())
+        moved, faults = self._answers(self.load())
+        if self._switch_on(faults.keys() - moved.keys()):
+            moved, faults = self._answers(self.load())
         surfaces = {name: tables["surfaces"][name] | table for name, table in moved.items()}
-        if moved and not fault:
+        if not faults:
             for wrong in surface_faults(self.load(surfaces=surfaces), level):
                 name = wrong.split("`")[1]
-                fault = f"its {name} does not move in proportion to the {name} command"
-                break
-        past, measured = self._past_flight_control() if fault else ({}, "")
-        if past:
-            frozen = self._held(past)
+                faults[name] = f"its {name} does not move in proportion to the {name} command"
+        if not faults:
+            return surfaces
+        fault = next(iter(faults.values()))
+        past, measured = self._past_flight_control()
+        # Only the dead surfaces are replaced, unless the flight control is at fault without them.
+        dead = faults.keys() - moved.keys()
+        for replaced in ({name: past[name] for name in past if name in dead}, past):
+            if not replaced:
+                continue
+            whole = {name: tables["surfaces"][name] for name in past} | replaced
+            frozen = self._held(past) if replaced == past else {}
             declared = tables["declared"] | frozen
-            moved_past, fault_past = self._answers(self.load(surfaces=past, declared=declared))
-            if not fault_past:
-                self.notes.append(f"its flight control is bypassed: {fault}")
-                if frozen:
-                    names = ", ".join(name.removeprefix("ft/") for name in frozen)
-                    self.notes.append(f"its flight control moves {names}: held as in level flight")
-                    tables["declared"] |= frozen
-                return {name: past[name] | table for name, table in moved_past.items()}
-        if not moved:
+            moved_past, faults_past = self._answers(self.load(surfaces=whole, declared=declared))
+            if faults_past:
+                continue
+            of = "" if replaced == past else f" for its {listed([*replaced])}"
+            self.notes.append(f"its flight control is bypassed{of}: {fault}")
+            if frozen:
+                held = ", ".join(name.removeprefix("ft/") for name in frozen)
+                self.notes.append(f"its flight control moves {held}: held as in level flight")
+                tables["declared"] |= frozen
+            return {name: whole[name] | table for name, table in moved_past.items()}
+        if dead:
             raise Refusal(fault + measured)
-        if fault:
-            self.notes.append(fault)
+        self.notes.append(fault)
         return surfaces
 
-    def _answers(self, bench: Bench) -> tuple[dict[str, dict[str, Any]], str]:
-        """Travel of each surface, empty if one has no effect; the fault of the flight control."""
-        answers, level = {}, self.level()
+    def _answers(self, bench: Bench) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+        """Travel of the surfaces that have an effect, and faults in sentences, by surface."""
+        answers, faults, level = {}, dict[str, str](), self.level()
         for name, _ in bench.fdm.config.surfaces.named():
             try:
                 answers[name] = _moved(bench, level, name)
             except Refusal as error:
                 if name != "rudder" or self.reads_rudder:
-                    return {}, str(error)
-        drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
-        return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
+                    faults[name] = f"{error}{self._zeros_on_way(name)}"
+        if not faults:
+            drifts = {x: _drift(bench, level, x, effect) for x, (effect, _) in answers.items()}
+            faults = {name: drift for name, drift in drifts.items() if drift}
+        return {name: table for name, (_, table) in answers.items()}, faults
+
+    def _commands(self, surface: str) -> list[str]:
+        """Properties of a surface's command: its own, and those that follow it."""
+        command = self.tables["surfaces"][surface].get("command") or f"fcs/{surface}-cmd-norm"
+        linked = self.tables["linked"].items()
+        return [command, *(name for name, to in linked if to.lstrip("-") == command)]
+
+    def _switches(self, commands: Sequence[str]) -> dict[str, list[float]]:
+        """Properties on the way of commands that are 0 by default, with values to try."""
+        fdm, on_way = self.load().fdm, reads.upstream(self.parts, commands)
+        known = self.values.keys() | self.taken.keys() | self.tables["declared"].keys()
+        own = sorted(name for name in self.defined - known if _settable(fdm, name))
+        names = [*self.zeros, *(name for name in own if not fdm.reader(name)())]
+        names = [x for x in names if reads.plain(x) in on_way and not LEVERS_IN.search(x)]
+        return {name: reads.trial_values(self.parts, name) for name in names}
+
+    def _zeros_on_way(self, surface: str) -> str:
+        """The end of a sentence about a command: properties on its way that are 0 by default."""
+        if not (names := [*self._switches(self._commands(surface))]):
+            return ""
+        them, are = ("it", "is") if len(names) == 1 else ("them", "are")
+        return (
+            f"; {listed(names, most=MAX_NAMED)} on its way {are} 0 by default: "
+            f"--set {names[0]}=VALUE states {them}{self._why_unknown(names)}"
+        )
+
+    def _with(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """The tables with other values of properties."""
+        changed = {kind: dict(self.tables[kind]) for kind in ("declared", "settings")}
+        for name, value in values.items():
+            changed["declared" if name in changed["declared"] else "settings"][name] = value
+        return changed
+
+    def _set(self, values: Mapping[str, float], without: str) -> None:
+        """Set properties that nothing states; `without`: what is so while they are 0."""
+        self.tables.update(self._with(values))
+        states = " ".join(f"--set {name}={value:g}" for name, value in values.items())
+        names = [f"{name} = {value:g}" for name, value in values.items()]
+        it, verb = ("it", "is") if len(names) == 1 else ("them", "are")
+        self.notes.append(f"{listed(names)} {verb} assumed: with 0 {without}; {states} states {it}")
+
+    def _switch_on(self, dead: Collection[str]) -> bool:
+        """Set properties whose 0 switches off commands; whether there are any."""
+        left, set_ = [name for name in SURFACES if name in dead], False
+        while left:
+            before = self._moves(self.load())
+            commands = [command for name in left for command in self._commands(name)]
+            revived = partial(self._revived, left, before)
+            found = reads.fewest(self._switches(commands), lambda x: bool(revived(x)))  # noqa: B023
+            if not (names := revived(found) if found else []):
+                break
+            plural = "command has" if len(names) == 1 else "commands have"
+            self._set(found, f"its {listed(names)} {plural} no effect")
+            left, set_ = [name for name in left if name not in names], True
+        return set_
+
+    def _revived(
+        self,
+        dead: Sequence[str],
+        before: Mapping[str, tuple[float, ...]],
+        values: Mapping[str, float],
+    ) -> list[str]:
+        """Those of dead commands that have an effect with values; none if anything else changes."""
+        names, level = list[str](), self.level()
+        try:
+            bench = self.load(**self._with(values))
+            for name in dead:
+                with suppress(Refusal):
+                    _moved(bench, level, name)
+                    names.append(name)
+            return names if names and _same(before, self._moves(bench)) else []
+        except PlantError:  # JSBSim may not run with them
+            return []
+
+    def _moves(
+        self, bench: Bench, throttles: tuple[float, float] = (0.5, 1.0)
+    ) -> dict[str, tuple[float, ...]]:
+        """Effects of the commands, and accelerations of their axes in four states; the others."""
+        level, effects = self.level(throttles[0]), {}
+        for name, _ in bench.fdm.config.surfaces.named():
+            rate, _ = EFFECTS[name]
+            low, high = (bench.accelerations(replace(level, **{name: x})) for x in (-0.5, 0.5))
+            effects[name] = high[rate] - low[rate]
+        stirred = {name: getattr(level, name) + by for name, by in BESIDE.items()}
+        states = [bench.accelerations(replace(level, **stirred)), bench.accelerations(level)]
+        bench.fdm.hold(HOLD_TIMES[0])
+        later = {f"{x}_dot": f"accelerations/{x}dot-rad_sec2" for x in "pqr"}
+        states.append(states[-1] | {x: bench.fdm.reader(name)() for x, name in later.items()})
+        states.append(bench.accelerations(replace(level, throttle=throttles[1])))
+        axes = {x: [y[EFFECTS[x][0]] for y in states] for x in effects}
+        moves = {name: (effect, *axes[name]) for name, effect in effects.items()}
+        return moves | {x: tuple(y[x] for y in states) for x in ("u_dot", "v_dot", "w_dot")}
 
     def _past_flight_control(self) -> tuple[dict[str, dict[str, Any]], str]:
         """Surfaces that aerodynamics read past the flight control, by name or effect; notes."""
@@ -1018,6 +1154,18 @@ class _Model:
         moves = np.ptp(shown, axis=0) > MOVES
         at_rest = zip(reads, shown[1], moves, strict=True)  # their values in level flight
         return {f"ft/{name}": value for name, value, moved in at_rest if moved}
+
+
+def _same(before: Mapping[str, tuple[float, ...]], after: Mapping[str, tuple[float, ...]]) -> bool:
+    """Whether the commands that had an effect still have it, and else no acceleration changed."""
+    for name, values in before.items():
+        effect = abs(values[0])
+        if name in EFFECTS and effect < MIN_EFFECT:  # it had none
+            continue
+        most = SAME_EFFECT * effect if name in EFFECTS else SAME_ACCELERATION
+        if not np.abs(np.subtract(after[name], values)).max() <= most:
+            return False
+    return True
 
 
 def _thrust_of_another_kind(

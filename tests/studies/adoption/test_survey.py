@@ -568,9 +568,11 @@ def test_all_that_is_unusual_in_engines_is_noted_at_once():
 class Geared(Levered):
     """A throttle whose position follows properties, which are 0, and the usual command."""
 
+    roots = ()
+
     def __init__(self, position, *, read=(), defined=(), declared=(), values=()):
         super().__init__(None, declared=declared, values=values)
-        self.position, self.defined = position, {*defined}
+        self.position, self.defined, self.speed = position, {*defined}, 32.0
         self.texts = set(), {survey.THROTTLE_POSITION, *read}
 
     def load(self, **changed):
@@ -581,15 +583,19 @@ class Geared(Levered):
         def accelerations(state):
             nonlocal throttle
             throttle = state.throttle
+            return dict.fromkeys(("u_dot", "v_dot", "w_dot"), 0.0)
 
         def reader(name):
+            if name.startswith("accelerations/"):
+                return lambda: 0.0
             if name == survey.THROTTLE_POSITION:
                 return lambda: self.position(lambda x: numbers[x], throttle)
             return lambda: numbers[name]
 
         fdm = SimpleNamespace(
             shows=lambda _: True, has=numbers.__contains__, reader=reader, evaluate=lambda: None,
-            writer=lambda name: partial(numbers.__setitem__, name),
+            writer=lambda name: partial(numbers.__setitem__, name), hold=lambda _: None,
+            config=SimpleNamespace(surfaces=SimpleNamespace(named=dict)),
         )  # fmt: skip
         return SimpleNamespace(fdm=fdm, accelerations=accelerations)
 

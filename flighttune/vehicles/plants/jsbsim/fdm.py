@@ -3,9 +3,12 @@
 import ctypes
 import math
 import re
+import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
+from types import FrameType
 from typing import Any, TypeAlias
 
 import jsbsim
@@ -82,6 +85,32 @@ def silence() -> QuietLogger:
     _LOGGER.clear()
     jsbsim.set_logger(_LOGGER)
     return _LOGGER
+
+
+@contextmanager
+def signals_later() -> Iterator[None]:
+    """Handle signals that come in the block at its end.
+
+    JSBSim calls the logger, which is Python, while it loads. A handler that raises there makes
+    Python lose the exception, or JSBSim end the process.
+    """
+    before, came = dict[int, Any](), list[int]()
+
+    def keep(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        came.append(number)
+
+    if threading.current_thread() is threading.main_thread():  # it alone handles signals
+        handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
+        before = {number: handler for number, handler in handlers.items() if callable(handler)}
+    try:
+        for number in before:
+            signal.signal(number, keep)
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in dict.fromkeys(came):
+            signal.raise_signal(number)
 
 
 # Roll, pitch attitude and heading, rad
@@ -167,16 +196,8 @@ class Fdm:
         # Makes an aircraft of this kind, as `load` does.
         self.another: Callable[..., Fdm] = load
         engines = range(config.engines.count)
-        silence()
-        self._exec = jsbsim.FGFDMExec(str(config.folder))
-        try:
-            with model_files.model_folders(files, weigh, steps) as folders:
-                self._load(folders, silence())
-        except PlantError:
-            self.abandon()
-            raise
-        except RuntimeError as error:  # JSBSim's own errors and those of its property tree
-            raise self._translation("cannot be loaded", error) from error
+        with signals_later():
+            self._begin(files)
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
@@ -190,6 +211,18 @@ class Fdm:
             self.writer(name)(value)
         self._lift_off()
         self.evaluate()
+
+    def _begin(self, files: model_files.Unchanged) -> None:
+        silence()
+        self._exec = jsbsim.FGFDMExec(str(self.config.folder))
+        try:
+            with model_files.model_folders(files, weigh, self.steps) as folders:
+                self._load(folders, silence())
+        except PlantError:
+            self.abandon()
+            raise
+        except RuntimeError as error:  # JSBSim's own errors and those of its property tree
+            raise self._translation("cannot be loaded", error) from error
 
     def _lift_off(self) -> None:
         # Forces of the ground would remain in rates of change that the next evaluations see.

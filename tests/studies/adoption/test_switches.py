@@ -1,0 +1,341 @@
+"""Commands behind switches of another simulator, and properties that are read late."""
+
+import re
+from pathlib import Path
+
+import jsbsim
+import pytest
+
+from flighttune.studies.adoption import survey
+
+C172P = (Path(jsbsim.get_default_root_dir()) / "aircraft/c172p/c172p.xml").read_text("latin-1")
+
+CHANNELS = {"aileron": "Roll", "elevator": "Pitch", "rudder": "Yaw"}
+
+DIGITS = 1e-6
+
+
+def component(kind, inside):
+    return f'<{kind} name="fcs/{{axis}}-gated">{inside}</{kind}>'
+
+
+def function(inside):
+    return component("fcs_function", f"<function>{inside}</function>")
+
+
+def product(*names):
+    factors = "".join(f"<property>{name}</property>" for name in names)
+    return f"<product>{factors}</product>"
+
+
+CMD, ON = "fcs/{axis}-cmd-norm", "/controls/fbw/switch"
+INPUT = f"<input>{CMD}</input>"
+TABLE = (
+    f"<table><independentVar>{ON}</independentVar>"
+    "<tableData> 0.0 0.0 \n 20.0 0.0 \n 28.0 1.0 \n</tableData></table>"
+)
+
+
+def switch(test):
+    return component("switch", f'<default value="0"/><test value="{CMD}"> {test} </test>')
+
+
+# What stands between a command and the flight control, and the values that switch it on.
+GATES = {
+    "product": (function(product(CMD, ON)), {ON: 1}),
+    "two in series": (function(product(CMD, ON, "/systems/bus")), {ON: 1, "/systems/bus": 1}),
+    "three in series": (
+        function(product(CMD, "/a/x", "/b/x", "/c/x")), {"/a/x": 1, "/b/x": 1, "/c/x": 1}
+    ),
+    "a function before": (
+        '<fcs_function name="fcs/power"><function>' + product("/systems/bus", "/systems/generator")
+        + "</function></fcs_function>" + function(product(CMD, "fcs/power")),
+        {"/systems/bus": 1, "/systems/generator": 1},
+    ),
+    "switch": (switch(f"{ON} == 1"), {ON: 1}),
+    "switch of several": (switch(f"{ON} gt 0.5 \n /systems/bus ge 1"), {ON: 1, "/systems/bus": 1}),
+    "mode": (switch(f"{ON} eq 2"), {ON: 2}),
+    "volts": (switch(f"{ON} gt 20"), {ON: 21}),
+    "below zero": (switch(f"{ON} lt -0.5"), {ON: -1}),
+    "compared": (
+        function(
+            f"<ifthen><ge><property>{ON}</property><value>24</value></ge>"
+            f"<property>{CMD}</property><value>0</value></ifthen>"
+        ),
+        {ON: 24},
+    ),
+    "table": (function(f"<product><property>{CMD}</property>{TABLE}</product>"), {ON: 28}),
+    "gain": (component("pure_gain", f"{INPUT}<gain>{ON}</gain>"), {ON: 1}),
+    "pid": (component("pid", f"{INPUT}<kp>{ON}</kp><ki>0</ki><kd>0</kd>"), {ON: 1}),
+    "limits": (
+        component("summer", f"{INPUT}<clipto><min>-{ON}</min><max>{ON}</max></clipto>"), {ON: 1}
+    ),
+    "smoothed": (
+        function(product(CMD, ON)).replace("gated", "raw") + component(
+            "kinematic",
+            "<input>fcs/{axis}-raw</input><traverse><setting><position>-1</position><time>0.1"
+            "</time></setting><setting><position>1</position><time>0.1</time></setting></traverse>",
+        ),
+        {ON: 1},
+    ),
+    # beside zeros that stop the command again, and one that is not on its way
+    "beside harm": (
+        function(
+            f"<product><property>{CMD}</property><property>{ON}</property>"
+            "<property>/systems/bus</property><difference><value>1</value>"
+            "<property>/controls/fault</property></difference></product>"
+        ) + '<pure_gain name="fcs/lamp"><input>/lamp</input><gain>1</gain></pure_gain>',
+        {ON: 1, "/systems/bus": 1},
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def gated(tmp_path):
+    """The main file of the c172p with gates by axis, and further text in its flight control."""
+
+    def gated(gates, system="", more=""):
+        text = C172P
+        for axis, gate in gates.items():
+            cmd, head = f"<input>fcs/{axis}-cmd-norm</input>", f'<channel name="{CHANNELS[axis]}">'
+            assert (text.count(cmd), text.count(head)) == (1, 1)
+            text = text.replace(cmd, f"<input>fcs/{axis}-gated</input>")
+            text = text.replace(head, head + gate.replace("{axis}", axis))
+        text = text.replace("</flight_control>", f"{more}</flight_control>", 1)
+        text = re.sub("(<flight_control)", rf"{system}\1", text, count=1)
+        (tmp_path / "gated.xml").write_text(text, "latin-1")
+        return tmp_path / "gated.xml"
+
+    return gated
+
+
+def surveyed(file, **asked):
+    folder = Path(file).parent if isinstance(file, Path) else Path()
+    return survey.survey(survey.wide_tables(str(file)), folder, h=1000.0, **asked)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """The survey of the c172p itself."""
+    return surveyed("c172p")
+
+
+def is_same(found, whole):
+    """Whether a survey has the digits of another."""
+    assert found.V_a == pytest.approx(whole.V_a, rel=DIGITS)
+    assert found.glide_ratio == pytest.approx(whole.glide_ratio, rel=DIGITS)
+    for name, table in whole.tables["surfaces"].items():
+        for key, values in table.items():
+            assert found.tables["surfaces"][name][key] == pytest.approx(values, rel=DIGITS)
+        assert "replaces" not in found.tables["surfaces"][name]
+    return True
+
+
+def says(found, values):
+    """Whether the notes name each value with its option, and nothing else is assumed."""
+    said = [note for note in found.notes if "assumed" in note]
+    options = {x for note in said for x in re.findall(r"--set (\S+)", note)}
+    assert options == {f"{name}={value:g}" for name, value in values.items()}
+    return True
+
+
+@pytest.mark.parametrize(
+    ("kind", "axis"),
+    [
+        pytest.param("two in series", "elevator", marks=pytest.mark.slow),
+        *(
+            pytest.param(kind, axis, marks=pytest.mark.soak)
+            for kind, axis in zip(GATES, [*CHANNELS] * len(GATES), strict=False)
+        ),
+    ],
+)
+def test_a_command_behind_switches_is_that_of_the_aircraft_with_them_on(gated, whole, kind, axis):
+    gate, values = GATES[kind]
+
+    found = surveyed(gated({axis: gate}))
+
+    assert says(found, values)
+    assert is_same(found, whole)
+    tables = found.tables["declared"]
+    assert {name: tables[name] for name in values} == values
+    others = {name: x for name, x in tables.items() if name not in values}
+    assert set(others.values()) <= {0.0}
+
+
+# Gates of several commands: gates by axis, text before the flight control, values that are found.
+TOGETHER = {
+    "one of all": (dict.fromkeys(CHANNELS, GATES["product"][0]), "", {ON: 1}),
+    "one each": (
+        {axis: function(product(CMD, f"/controls/{axis}-on")) for axis in CHANNELS},
+        "",
+        {f"/controls/{axis}-on": 1 for axis in CHANNELS},
+    ),
+    "its own": (
+        {"aileron": function(product(CMD, "systems/fbw"))},
+        '<system name="s"><property value="0">systems/fbw</property></system>',
+        {"systems/fbw": 1},
+    ),
+    "of two, in series of another": (
+        {"aileron": GATES["two in series"][0], "elevator": GATES["product"][0]},
+        "",
+        {ON: 1, "/systems/bus": 1},
+    ),
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", TOGETHER)
+def test_switches_of_several_commands_are_each_found(gated, whole, kind):
+    gates, system, values = TOGETHER[kind]
+
+    found = surveyed(gated(gates, system=system))
+
+    assert says(found, values)
+    assert is_same(found, whole)
+    assert values.items() <= {**found.tables["declared"], **found.tables["settings"]}.items()
+
+
+# Gates that with 1 change something that moves without them, so that they stay at 0.
+HARM = {
+    "another surface": {
+        "aileron": function(product(CMD, ON)),
+        "elevator": function(
+            f"<product><property>{CMD}</property><difference><value>1</value><product>"
+            f"<value>0.5</value><property>{ON}</property></product></difference></product>"
+        ),
+    },
+    "an autopilot": {
+        "aileron": function(product(CMD, ON)),
+        "elevator": function(
+            f"<sum><property>{CMD}</property>{product('velocities/q-rad_sec', ON)}</sum>"
+        ),
+    },
+    "a bias": {
+        "aileron": function(product(CMD, ON)),
+        "elevator": function(
+            f"<sum><property>{CMD}</property><product><value>0.1</value><property>{ON}</property>"
+            "</product></sum>"
+        ),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", HARM)
+def test_a_switch_that_changes_what_moves_stays_and_only_the_dead_surface_is_replaced(
+    gated, whole, kind
+):
+    found = surveyed(gated(HARM[kind]))
+
+    assert says(found, {})
+    assert found.tables["declared"][ON] == 0.0
+    (said,) = (note for note in found.notes if "bypassed for its aileron" in note)
+    assert f"--set {ON}=VALUE" in said
+    surfaces = found.tables["surfaces"]
+    assert [name for name, table in surfaces.items() if "replaces" in table] == ["aileron"]
+    for name in ("elevator", "rudder"):
+        assert surfaces[name]["travel_deg"] == pytest.approx(
+            whole.tables["surfaces"][name]["travel_deg"], rel=1e-3
+        )
+
+
+@pytest.mark.soak
+def test_a_switch_that_is_set_to_0_is_no_question(gated):
+    found = surveyed(gated({"elevator": GATES["product"][0]}), values={ON: 0.0})
+
+    assert says(found, {})
+    (said,) = (note for note in found.notes if "bypassed for its elevator" in note)
+    assert ON not in said
+    assert "replaces" not in found.tables["surfaces"]["aileron"]
+
+
+LEVER = "fcs/throttle-cmd-norm"
+
+
+def lever(inside, before=""):
+    gate = f'<fcs_function name="fcs/lever"><function>{inside}</function>'
+    gate += "<output>fcs/throttle-pos-norm</output></fcs_function>"
+    return f'<channel name="lever">{before}{gate}</channel>'
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        (lever(product(LEVER, ON)), {ON: 1}),
+        (lever(product(LEVER, ON, "/systems/bus")), {ON: 1, "/systems/bus": 1}),
+        (lever(f"<product><property>{LEVER}</property>{TABLE}</product>"), {ON: 28}),
+        # /open opens it whatever its command is
+        (lever(f"<max>{product(LEVER, ON)}<property>/open</property></max>"), {ON: 1}),
+    ],
+)
+def test_a_throttle_behind_switches_is_that_of_the_aircraft_with_them_on(
+    gated, whole, text, values
+):
+    found = surveyed(gated({}, more=text))
+
+    assert says(found, values)
+    assert is_same(found, whole)
+    assert found.spare_thrust == pytest.approx(whole.spare_thrust, rel=DIGITS)
+
+
+LAMP = "/gear/gear[1]/wow"
+
+
+def lamp(test, name=LAMP):
+    """An indicator that reads a property only while a test holds."""
+    value, compared, bound = test.split()
+    return (
+        f'<channel name="Lamp"><fcs_function name="fcs/lamp"><function><ifthen><{compared}>'
+        f"<property>{value}</property><value>{bound}</value></{compared}>"
+        f"<property>{name}</property><value>0</value></ifthen></function></fcs_function></channel>"
+    )
+
+
+LATE = (
+    "gear/gear-cmd-norm lt 0.5",
+    "fcs/throttle-cmd-norm gt 0.9",
+    "simulation/sim-time-sec gt 30",
+    "velocities/vt-fps gt 400",
+    "attitude/phi-rad gt 0.2",
+)
+
+
+@pytest.mark.parametrize(
+    "test",
+    [
+        pytest.param(test, marks=pytest.mark.soak if i else pytest.mark.slow)
+        for i, test in enumerate(LATE)
+    ],
+)
+def test_a_property_that_is_read_late_is_0(gated, whole, test):
+    found = surveyed(gated({}, more=lamp(test)))
+
+    assert found.tables["declared"] == {LAMP: 0.0}
+    assert is_same(found, whole)
+
+
+READS = {
+    "input": '<summer name="fcs/x"><input>{}</input></summer>',
+    "negated": '<summer name="fcs/x"><input>-{}</input></summer>',
+    "test": '<switch name="fcs/x"><default value="0"/><test value="1">{} gt 1</test></switch>',
+    "value": '<switch name="fcs/x"><default value="{}"/></switch>',
+    "gain": '<pure_gain name="fcs/x"><input>fcs/y</input><gain>{}</gain></pure_gain>',
+    "clipto": '<summer name="fcs/x"><input>aero/qbar-psf</input>'
+    "<clipto><min>-{}</min><max>1</max></clipto></summer>",
+    "table": '<fcs_function name="fcs/x"><function><table><independentVar>{}</independentVar>'
+    "<tableData>0 0\n1 1</tableData></table></function></fcs_function>",
+    "trigger": '<pid name="fcs/x"><input>aero/qbar-psf</input><trigger>{}</trigger></pid>',
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", READS)
+def test_a_property_is_found_by_each_element_that_reads_it(gated, kind):
+    """The channel runs while the roll angle exceeds 12 degrees, which no survey flies."""
+    rolls = '<channel name="r"><fcs_function name="fcs/rolls"><function><gt><property>attitude/'
+    rolls += "phi-rad</property><value>0.2</value></gt></function></fcs_function></channel>"
+    part = READS[kind].format("a/late")
+    file = gated({}, more=f'{rolls}<channel name="l" execute="fcs/rolls">{part}</channel>')
+
+    assert surveyed(file).tables["declared"]["a/late"] == 0.0
