@@ -36,7 +36,7 @@ def answer(beside: Beside) -> Answer:
     kept, bound = kept_errors(beside.plan.draws)
     unused = ", ".join(now.unused) or "none"
     return Answer(
-        summary=summary(beside, kept, accuracy, lost),
+        lines=summary(beside, kept, accuracy, lost),
         values={
             "guidance": now.name,
             "accuracy": accuracy,

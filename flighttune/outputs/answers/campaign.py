@@ -5,6 +5,7 @@ from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast
 from flighttune.campaigns.planning.plan import draws_in_words
 from flighttune.campaigns.statistics.findings import answer_words
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 
 COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
@@ -82,7 +83,7 @@ def flown(outcome: CampaignOutcome) -> Answer:
             Table(columns(" ".join(outcome.by_group[0])), outcome.by_group),
             endings_table(outcome.endings),
         ],
-        summary=[succeeded_in_words(outcome), *([answered] if answered and reached else [])],
+        lines=[succeeded_in_words(outcome), *([answered] if answered and reached else [])],
         notes=[
             f"{outcome.runs}{most} flights = {draws_in_words(outcome.runs, outcome.groups)}",
             f"flown now: {outcome.flown} in {speed}" if outcome.flown else "nothing was missing",
@@ -91,6 +92,7 @@ def flown(outcome: CampaignOutcome) -> Answer:
         ],
         verdict=answered if reached else "",
         files={"dataset": outcome.dataset},
-        failure=interrupted if outcome.interrupted else "" if reached else answered,
-        status=130 if outcome.interrupted else 1,
+        findings=(
+            unmet(interrupted, 130) if outcome.interrupted else [] if reached else unmet(answered)
+        ),
     )

@@ -7,6 +7,7 @@ from flighttune.base.units import shown_unit
 from flighttune.base.words import pick
 from flighttune.claims.counted import Counted
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import dispersions_table, gains_table
 
@@ -43,7 +44,7 @@ def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
             *nearest(counted, file),
         ],
         verdict=counted.sentence if counted.claims else "",
-        failure="" if counted.claims else counted.sentence,
+        findings=[] if counted.claims else unmet(counted.sentence),
     )
 
 

@@ -9,6 +9,7 @@ from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.gaps.gap import Gap
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed
 from flighttune.vehicles.identification.file import lag_table
@@ -69,11 +70,10 @@ def answer(gap: Gap, signals: Mapping[str, Path] | None = None) -> Answer:
             "planning": gap.largest_errors,
             **around.values,
         },
-        summary=[*around.summary, *causes(gap)],
+        lines=[*around.summary, *causes(gap)],
         tables=tables if gap.steps else [],
         notes=[*gap.scenario.notes, *notes, *planning(gap), *around.notes],
-        failure=around.failure or early,
-        status=around.status,
+        findings=[*around.findings, *unmet(early)],
     )
 
 

@@ -14,6 +14,7 @@ from flighttune.control.theory.indicators import indicators
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import linear_model
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.outputs.answers.tables import dispersions_table, gains_table, margins_table
 from flighttune.studies.meeting import BY_DEFAULT, Meeting
@@ -66,14 +67,14 @@ def answer(meeting: Meeting) -> Answer:
             Table(CERTIFICATE_COLUMNS, [certificate], "certificate", aside=True),
             endings_table(meeting.endings),
         ],
-        summary=[said, *choice_of_start(meeting)],
+        lines=[said, *choice_of_start(meeting)],
         notes=[
             *filter(None, [worse_sentence(meeting), *meeting.notes, *missed]),
             *meeting.compiled.notes,
             *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
         ],
         verdict=said,
-        failure="" if meeting.status == "met" else said,
+        findings=[] if meeting.status == "met" else unmet(said),
     )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
 from flighttune.studies.retune import (
@@ -46,7 +47,7 @@ def answer(retuned: Retuned) -> Answer:
     rows, accuracy = changes(retuned), retuned.accuracy
     said = sentence(retuned)
     return Answer(
-        summary=[said, errors(retuned), margins(retuned), aircraft(retuned)],
+        lines=[said, errors(retuned), margins(retuned), aircraft(retuned)],
         values={
             "guidance": retuned.now.name,
             "better": retuned.better,
@@ -74,7 +75,7 @@ def answer(retuned: Retuned) -> Answer:
             EMULATED,
             NOT_SEARCHED,
         ],
-        failure="" if retuned.better else said,
+        findings=[] if retuned.better else unmet(said),
     )
 
 

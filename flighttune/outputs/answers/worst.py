@@ -2,6 +2,7 @@
 
 from flighttune.base.words import pick
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.studies.worst import BAND, TUBE, WorstFlight
 
@@ -34,5 +35,5 @@ def answer(worst: WorstFlight) -> Answer:
         ],
         notes=notes,
         verdict="" if worst.contradicts else worst.missed or "no requirement is missed",
-        failure=f"{near}: this contradicts its proof" if worst.contradicts else "",
+        findings=unmet(f"{near}: this contradicts its proof") if worst.contradicts else [],
     )

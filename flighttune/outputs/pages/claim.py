@@ -18,6 +18,7 @@ from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run
 from flighttune.outputs.answers.answer import Table, facts_table
+from flighttune.outputs.answers.finding import Found
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.chart import Chart, Sheet, dashes
 from flighttune.outputs.pages.frame import Report, Section, write_answer
@@ -57,6 +58,7 @@ class Parts:
 
     title: str
     sentences: Sequence[str]  # at the top
+    found: Found | None = None  # what the worst part of it found, which colours the first sentence
     notes: Sequence[str]
     tables: Sequence[Table]
     charts: Sequence[Chart] = ()
@@ -80,8 +82,8 @@ def bound(claim: RateBound, _: Asked) -> Parts:
 
 def per_hour(claim: PerHour, _: Asked) -> Parts:
     """The page of the exits per flight hour."""
-    parts = _stated(claim, "Exits per flight hour")
-    return replace(parts, sentences=claim.answer().summary)
+    parts, said = _stated(claim, "Exits per flight hour"), claim.answer()
+    return replace(parts, sentences=said.summary, found=said.found)
 
 
 def log_monitor(claim: LogMonitor, _: Asked) -> Parts:
@@ -110,6 +112,7 @@ def write_claim_page(
         path,
         title=parts.title,
         summary=parts.sentences,
+        found=parts.found,
         parts={
             "responses": Section(
                 title=parts.heading, note=parts.changed, charts=parts.charts, tables=parts.below
