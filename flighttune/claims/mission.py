@@ -18,10 +18,11 @@ from flighttune.base.files.whole import keep_on_error, remove_file, together, wr
 from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.forecast import Spread
 from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
-from flighttune.campaigns.planning.source import Flights
+from flighttune.campaigns.planning.source import Flights, in_forecast
 from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
@@ -57,7 +58,8 @@ OUTSIDE = 2
 
 # Trial factors, in this order, on the airspeed and the wind for planned turns, with which flights
 # that ended early are repeated.
-FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
+WIND = "route.wind_mps"
+FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), WIND: (1.5, 2.0)}
 
 # Volumes that a fence may bound, by the words of a user, and their key in a GeoJSON of a fence. The
 # operational volume is flight geography and contingency volume together; its limit is that of the
@@ -319,7 +321,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Forecast of Open-Meteo (.json, .csv) or NetCDF (.nc, classic, u100 and v100 of a grid at
         heights over ground), also ``FILE@TIME`` or ``FILE@FROM/TO`` by its clock:
         each flight draws its wind from the forecast's range at the mission's heights over all
-        members and these times, instead of 0 to 8 m/s from anywhere.
+        members and these times, instead of 0 to 8 m/s from anywhere. Turns and times are planned
+        for the largest wind of this range, if ``route.wind_mps`` is not among the `changes`.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the other answers are written beside
         it. From 250 flights on each count writes those so far into a file ``...-unfinished``, with
@@ -513,7 +516,8 @@ class _NewFlights:
     def stated(self) -> Flights:
         """The flights of the source."""
         stated = flights_of_source(self.source, **self.settings)
-        return stated.knowing(self.navigation).in_wind(self.wind)
+        own = WIND in (self.settings["changes"] or {})
+        return stated.knowing(self.navigation).in_wind(self.wind, plans=not own)
 
     @cached_property
     def plan(self) -> Plan:
@@ -687,23 +691,30 @@ def mission_plan(
     *,
     fences: Sequence[str | Path] = (),
     terrain: str | Path | None = None,
+    wind: str | Path | None = None,
     out: Path | None = None,
     **of_route: Any,
 ) -> "PlannedMission":
     """The route of a mission or scenario before any flight, also written to a given file.
 
-    Its path is checked against `fences`, or against the mission's own fence. The route of a band
-    file is written with its corridor; `of_route` are further arguments of `route`.
+    Its path is checked against `fences`, or against the mission's own fence, and planned for the
+    forecast `wind`. The route of a band file is written with its corridor; `of_route` are further
+    arguments of `route`.
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     if band := counting.kept_band(source):
-        if any(of_route.values()):
-            raise InputError("`aircraft` and `changes` must be absent for a band file.")
+        if wind is not None or any(of_route.values()):
+            raise InputError("`aircraft`, `wind` and `changes` must be absent for a band file.")
         planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
     else:
         planned = route(source, terrain=terrain, **of_route)
         corridor, shapes = None, []
+    spread = None
+    if wind is not None:
+        plans = WIND not in (of_route.get("changes") or {})
+        scenario, spread = in_forecast(planned.scenario, wind, plans=plans)
+        planned = planned_route(scenario)
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
     seen = over_ground(planned, terrain, band)
@@ -720,6 +731,7 @@ def mission_plan(
         seen=seen,
         notes=notes,
         file=out,
+        forecast=spread,
     )
 
 
@@ -743,6 +755,7 @@ class PlannedMission(Answering):
     seen: OverGround
     notes: Sequence[str]  # notes from writing the file
     file: Path | None
+    forecast: Spread | None = None  # of the wind
 
 
 def over_ground(planned: PlannedRoute, terrain: str | Path | None, band: Band | None) -> OverGround:
@@ -787,7 +800,7 @@ def _ways_inside(planned: PlannedRoute, fence: Fence, waypoint: int) -> str:
     assert scenario.route is not None  # a path exists
     V, radius = scenario.flight.V_a_mps, scenario.route.waypoint[waypoint - 1].radius_m
     slowest = [SLOWEST * V, *(table.config.envelope.V_a[0] for table in scenario.aircraft)]
-    ranges = {"flight.V_a_mps": (V, max(slowest)), "route.wind_mps": (planned.wind, 0.0)}
+    ranges = {"flight.V_a_mps": (V, max(slowest)), WIND: (planned.wind, 0.0)}
     if radius is not None:
         ranges[f"route.waypoint[{waypoint - 1}].radius_m"] = radius, 0.0
     ways = []

@@ -60,7 +60,7 @@ def mission(
     from flighttune.claims.mission import mission_plan
     from flighttune.outputs.pages.claim import write_claim_page
 
-    of_route = "fences", "aircraft", "terrain", "changes", "out"
+    of_route = "fences", "aircraft", "terrain", "wind", "changes", "out"
     if plan:
         check_ending(out, ".geojson", ".kml", ".plan")
         for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
@@ -77,7 +77,7 @@ def mission(
             if page is not None:
                 write_claim_page(odds.band, str(file), page, odds)
     except errors.InfeasibleError:  # the plan tells the reason
-        of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
+        of_plan = {key: settings[key] for key in of_route[:4] if key in settings}
         return mission_plan(source, changes=changes, **of_plan).answer()
     notes = [*answer.notes, *([] if page else [page_note(file)])]
     return replace(answer, notes=notes, files={**answer.files, "page": page})

@@ -192,12 +192,16 @@ def at_place(place: Mapping[str, Any]) -> str:
 
 def wind_of_turns(band: Band) -> list[Finding]:
     """A reserve if faster wind is drawn than the turns are planned for."""
-    drawn, planned = band.flights.distribution.fastest_wind, band.flights.route.wind
-    if drawn <= planned:
+    return wind_beyond(band.flights.route.wind, band.flights.distribution.fastest_wind)
+
+
+def wind_beyond(planned: float, fastest: float) -> list[Finding]:
+    """A reserve if the fastest wind, m/s, is faster than turns are planned for."""
+    if fastest <= planned:
         return []
     said = (
-        f"turns and times are planned for wind up to {planned:.3g} m/s, and the flights are in "
-        f"wind up to {drawn:.3g} m/s: `--set route.wind_mps={at_most(drawn, 3)}` plans for it."
+        f"turns and times are planned for wind up to {planned:.3g} m/s, and the wind reaches "
+        f"{at_most(fastest, 3)} m/s: `--set route.wind_mps={at_most(fastest, 3)}` plans for it."
     )
     return [Finding(found="reserve", sentence=said)]
 

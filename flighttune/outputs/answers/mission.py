@@ -13,7 +13,7 @@ from flighttune.claims.mission import (
 )
 from flighttune.claims.turn_back import NOT_COUNTED, TurnBack
 from flighttune.outputs.answers.answer import Answer, Column, Table
-from flighttune.outputs.answers.band import at_place, findings, lines
+from flighttune.outputs.answers.band import at_place, findings, lines, wind_beyond
 from flighttune.outputs.answers.finding import Finding
 from flighttune.outputs.answers.turn_back import ended
 from flighttune.routes.fence import Beyond
@@ -166,11 +166,16 @@ def planned(mission: PlannedMission) -> Answer:
         *under_ground(seen),
         *(Finding(found="met", sentence=said) for said in mission.inside),
     ]
+    values, wind = {"fence": {"nearest": nearest}} if nearest else {}, []
+    if (spread := mission.forecast) is not None:
+        found += wind_beyond(mission.route.wind, spread.speed_mps[1])
+        wind, values["wind"] = [spread.words], spread._asdict()
     answer = beside_terrain(mission.route.answer(found), seen)
     return replace(
         answer,
+        changed=[*wind, *answer.changed],
         notes=[*mission.notes, *answer.notes],
-        values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
+        values={**answer.values, **values},
         files={"route": mission.file},
     )
 
