@@ -350,15 +350,22 @@ def in_forecast(
     The largest wind of the spread covers all winds that are drawn, at all heights and times.
     """
     # Wider turns may change the heights of the route, and so the wind.
-    for _ in range(PLANNED_AGAIN):
-        path, origin, h_0 = planned_route(scenario).where
-        up = path.up[path.s <= path.length] + h_0 - scenario.flight.ground_m
-        spread = spread_of(forecast, origin, (float(up.min()), float(up.max())))
-        largest = {"route.wind_mps": spread.speed_mps[1]}
-        if not plans or (scenario.route and scenario.route.wind_mps == spread.speed_mps[1]):
+    spread = _spread_along(scenario, forecast)
+    for _ in range(PLANNED_AGAIN if plans else 0):
+        planned_for = {"route.wind_mps": spread.speed_mps[1]}
+        changed = load.with_changes(scenario.as_dict(), planned_for, str(forecast))
+        scenario = load.scenario_from(changed)
+        if (again := _spread_along(scenario, forecast)) == spread:
             break
-        scenario = load.scenario_from(load.with_changes(scenario.as_dict(), largest, "forecast"))
+        spread = again
     return scenario, spread
+
+
+def _spread_along(scenario: Scenario, forecast: str | Path) -> Spread:
+    """The spread of a forecast over the heights of a route."""
+    path, origin, h_0 = planned_route(scenario).where
+    up = path.up[path.s <= path.length] + h_0 - scenario.flight.ground_m
+    return spread_of(forecast, origin, (float(up.min()), float(up.max())))
 
 
 def in_spread(

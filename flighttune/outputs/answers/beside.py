@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from flighttune.base.words import listed, number, percent
+from flighttune.base.words import listed, percent
 from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.control.margins import Margins
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.early import finding_of_early
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import margins_table
 from flighttune.studies.beside import CONFIDENCE, CUT, EPSILON, OURS, YOURS, Beside, our_rate_gains
@@ -23,6 +24,8 @@ NOT_EMULATED = (
     "and the switch from leg to leg. Where the throttle is at a stop, TECS gives up height for "
     "airspeed; ours holds the path."
 )
+# The flights of both sides, in a sentence.
+WHOSE = {YOURS: "with your parameters", OURS: "with our law"}
 ACCURACY = columns("of yours ours unit better flights share", of="beside")
 PARAMETERS = columns("name value range from", of="parameters")
 TRACKING = columns("of log low high unit", of="beside_log")
@@ -35,8 +38,12 @@ def answer(beside: Beside) -> Answer:
     lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
     kept, bound = kept_errors(beside.plan.draws)
     unused = ", ".join(now.unused) or "none"
+    early = finding_of_early({WHOSE[x]: rows for x, rows in lost.items()}, beside.plan.draws)
+    if early:  # the errors of the other flights would compare nothing
+        accuracy = []
     return Answer(
-        lines=summary(beside, kept, accuracy, lost),
+        findings=early,
+        lines=[] if early else summary(beside, kept, accuracy, lost),
         values={
             "guidance": now.name,
             "accuracy": accuracy,
@@ -105,12 +112,17 @@ def nearer(accuracy: Rows) -> str:
     closer: list[str] = []
     farther: list[str] = []
     for x in accuracy:
-        yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
+        yours, ours = (bound_in_words(x[name], x["unit"]) for name in (YOURS, OURS))
         said = closer if x[OURS] < x[YOURS] else farther
-        said.append(f"{x['of']} {ours} {x['unit']} (yours {yours} {x['unit']})")
+        said.append(f"{x['of']} {ours} (yours {yours})")
     better = f"our law is better in {listed(closer)}" if closer else ""
     worse = f"{'' if closer else 'our law is '}not better in {listed(farther)}"
     return ", and ".join(filter(None, [better, worse if farther else ""]))
+
+
+def bound_in_words(value: float, unit: str) -> str:
+    """A bound with its unit; an infinite one comes from flights that ended early."""
+    return f"{value:.3g} {unit}" if math.isfinite(value) else "no bound, for the flights lost"
 
 
 def losses(lost: Mapping[str, Rows], draws: int) -> str:
@@ -147,4 +159,5 @@ def margins_at(cut: Sequence[Margins], place: int) -> str:
     if not cut:
         return "unstable"
     gain, phase = cut[place].gain_increase, math.degrees(cut[place].phase_margin)
-    return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
+    of_gain = f"{20.0 * math.log10(gain):.1f} dB" if math.isfinite(gain) else "any gain"
+    return f"{of_gain}, {phase:.0f} deg" if math.isfinite(phase) else f"{of_gain}, any phase"

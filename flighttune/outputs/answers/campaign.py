@@ -5,7 +5,8 @@ from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast
 from flighttune.campaigns.planning.plan import draws_in_words
 from flighttune.campaigns.statistics.findings import answer_words
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.answers.finding import unmet
+from flighttune.outputs.answers.early import finding_of_early
+from flighttune.outputs.answers.finding import Finding, unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 
 COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
@@ -62,6 +63,13 @@ def succeeded_in_words(outcome: CampaignOutcome) -> str:
     return f"{said}: the largest share with {best}, the smallest with {worst}."
 
 
+def mostly_early(outcome: CampaignOutcome) -> list[Finding]:
+    """A finding if most flights ended early, and not as a requirement states."""
+    if 2 * outcome.succeeded >= outcome.runs:
+        return []
+    return finding_of_early({"": outcome.endings}, outcome.runs)
+
+
 def flown(outcome: CampaignOutcome) -> Answer:
     """Flights by status, and their time; exit status 130 after an interrupt.
 
@@ -93,6 +101,8 @@ def flown(outcome: CampaignOutcome) -> Answer:
         verdict=answered if reached else "",
         files={"dataset": outcome.dataset},
         findings=(
-            unmet(interrupted, 130) if outcome.interrupted else [] if reached else unmet(answered)
+            unmet(interrupted, 130)
+            if outcome.interrupted
+            else [*mostly_early(outcome), *([] if reached else unmet(answered))]
         ),
     )

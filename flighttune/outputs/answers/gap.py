@@ -1,5 +1,6 @@
 """The answer of the gap between law and aircraft."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +95,8 @@ def causes(gap: Gap) -> tuple[str, ...]:
         if (cause := gap.cause(channel)) is None:
             continue
         first, aircraft = (itae[run.label, channel] for run in (gap.runs[0], gap.aircraft))
+        if not (math.isfinite(first) and math.isfinite(aircraft)):
+            continue
         plant = gap.runs[0].provenance.plant
         sentences.append(
             f"{name.capitalize()} with {gap.name}: ITAE is {first:.2f} rad s² on {plant} and "

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from flighttune.base.words import listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
-from flighttune.outputs.answers.finding import unmet
+from flighttune.outputs.answers.early import finding_of_early, most
+from flighttune.outputs.answers.finding import Finding, unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
 from flighttune.studies.retune import (
@@ -45,9 +46,10 @@ SETS = {
 def answer(retuned: Retuned) -> Answer:
     """Whether the parameters found are better, both on fresh draws, and the changes."""
     rows, accuracy = changes(retuned), retuned.accuracy
-    said = sentence(retuned)
+    said, early = sentence(retuned), mostly_early(retuned)
+    lines = [] if early else [said, errors(retuned), margins(retuned)]
     return Answer(
-        lines=[said, errors(retuned), margins(retuned), aircraft(retuned)],
+        lines=[*lines, aircraft(retuned)],
         values={
             "guidance": retuned.now.name,
             "better": retuned.better,
@@ -75,8 +77,18 @@ def answer(retuned: Retuned) -> Answer:
             EMULATED,
             NOT_SEARCHED,
         ],
-        findings=[] if retuned.better else unmet(said),
+        findings=early or ([] if retuned.better else unmet(said)),
     )
+
+
+def mostly_early(retuned: Retuned) -> list[Finding]:
+    """A finding if most of the fresh flights with the result ended early."""
+    ended = retuned.rows[retuned.rows["status"] != "completed"]
+    lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, TUNED)}
+    if not most(lost[TUNED], retuned.plan.draws):
+        return []
+    sides = {"with your parameters": lost[YOURS], "with the tuned ones": lost[TUNED]}
+    return finding_of_early(sides, retuned.plan.draws)
 
 
 def changes(retuned: Retuned) -> list[dict[str, object]]:

@@ -1,5 +1,7 @@
 """The answer of a search for the worst flight."""
 
+import math
+
 from flighttune.base.words import pick
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.finding import unmet
@@ -22,7 +24,9 @@ def answer(worst: WorstFlight) -> Answer:
         {"key": key, "value": value if isinstance(value, float) else str(value)}
         for key, value in worst.drawn.items()
     ]
-    near = f"the worst flight uses {worst.value:.4g} of the {worst.metric}"
+    near = f"the worst flight ended early ({worst.status.replace('_', ' ')})"
+    if math.isfinite(worst.value):
+        near = f"the worst flight uses {worst.value:.4g} of the {worst.metric}"
     notes = [*worst.scenario.gains_notes(worst.plant, worst.gains)]
     notes += worst.compiled.notes
     notes += [near] * (worst.metric in (TUBE, BAND) and not worst.contradicts)

@@ -24,7 +24,7 @@ DRAWN = 3
 
 def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
     """Write the answer as one self-contained page; `command` repeats it."""
-    answer, ours = beside.answer(), beside.plan.groups[-1].gains
+    answer, ours, n = beside.answer(), beside.plan.groups[-1].gains, beside.plan.draws
     # tables of margins, if any, start at the fifth table
     (*notes, unused), (*found, parameters) = answer.notes, answer.tables
     draw, flights = typical_flights(beside)
@@ -33,6 +33,7 @@ def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
         path,
         title=f"{beside.plan.scenario.title}: {beside.now.name} beside {ours}",
         summary=answer.summary,
+        found=answer.found,
         parts={
             "responses": Section(
                 title=f"One flight with both, draw {draw}",
@@ -42,7 +43,7 @@ def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
             "accuracy": Section(
                 title="Errors of all flights",
                 note=notes,
-                charts=error_charts(beside, styles) if beside.plan.draws > 1 else (),
+                charts=error_charts(beside, styles) if answer.found is None and n > 1 else (),
                 tables=found[:4],
                 columns=3,
                 legend=False,
