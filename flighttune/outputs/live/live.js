@@ -15,6 +15,14 @@
     at("said").textContent = text;
     if (command) at("said").append(": ", Object.assign(document.createElement("code"), { textContent: command }));
   };
+  // What was drawn before belongs to other values: no verdict of it stays, and the rest is dimmed.
+  const refuse = (why) => {
+    document.body.classList.toggle("refused", Boolean(why));
+    for (const part of all("#legend, #charts, .beside")) part.ariaHidden = why ? "true" : null;
+    if (!why) return;
+    const said = Object.assign(document.createElement("p"), { className: "verdict", textContent: `? Not flown: ${why}` });
+    at("verdict").replaceChildren(said);
+  };
   const ask = async (what, more) => {
     const body = JSON.stringify({ window: mine, values: moved(), ...more });
     return (await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body, keepalive: true })).json();
@@ -29,6 +37,7 @@
       while (wanted) {
         wanted = false;
         const { pieces, failed } = await ask("picture", { ghosts });
+        refuse(failed);
         if (failed) { say(failed, true); continue; }
         if (at("said").className) say("");
         for (const { id, innerHTML } of new DOMParser().parseFromString(pieces, "text/html").body.children)
@@ -37,6 +46,7 @@
         document.body.dataset.drawn = ++number;
       }
     } catch {
+      refuse("the command of this page has ended.");
       say("The command of this page has ended.", true);
     }
     flying = false;
