@@ -38,14 +38,7 @@ from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes import maps
 from flighttune.routes.fence import Beyond, Fence, fence_tables, own_fence, read_fence
-from flighttune.routes.volumes import (
-    BUFFER,
-    CONTINGENCY,
-    GEOGRAPHY,
-    VolumesMap,
-    are_in,
-    rings_around,
-)
+from flighttune.routes.volumes import CONTINGENCY, GEOGRAPHY, VolumesMap, are_in, rings_around
 
 # Default epsilon, confidence and number of learning flights.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.95, 30
@@ -128,10 +121,7 @@ class MissionOdds(Answering):
             (number, name, beyond)
             for number, tables in enumerate(self.band.about.fences, start=1)
             for fence in [read_fence(KEPT, origin, tables)]
-            for name, volume in self.room.volumes(self.band).items()
-            for beyond in fence.beyond(path, volume, start)
-            # The ground risk buffer lies on the ground, whatever the floor of a fence.
-            if name != BUFFER or beyond.place["side"] in ("left", "right")
+            for name, beyond in fence.beyond(path, self.room.volumes(self.band), start)
         ]
 
     def with_rate(self, per_hour: PerHour) -> "MissionOdds":

@@ -135,20 +135,24 @@ class Fence:
             "leaves_m": float(path.s[out.argmax()]) if out.any() else None,
         }
 
-    def beyond(self, path: Route, volume: volumes.Volume, start: float) -> list["Beyond"]:
-        """How far a volume around a path is beyond the sides, the ceiling and the floor.
+    def beyond(
+        self, path: Route, around: Mapping[str, volumes.Volume], start: float
+    ) -> list[tuple[str, "Beyond"]]:
+        """How far volumes around a path are beyond the sides, the ceiling and the floor, by name.
 
         `start`: height of the start over ground, m.
         """
-        near, drawn = self.nearest(path, sides=True), volume.outwards
-        # Between its points the path may come nearer to an edge.
-        needed = volumes.reach(path, drawn.width) + 0.5 * STEP
-        found = [
-            Beyond(needed - near["margin_m"], near),
-            Beyond(drawn.high - start - self.high, {"edge": self.names[-2], "side": "up"}),
-            Beyond(self.low - (drawn.low - start), {"edge": self.names[-1], "side": "down"}),
-        ]
-        return [x for x in found if x.by_m > 0.0]
+        near, found = self.nearest(path, sides=True), []
+        for name, volume in around.items():
+            drawn = volume.outwards
+            # Between its points the path may come nearer to an edge.
+            needed = volumes.reach(path, drawn.width) + 0.5 * STEP
+            over, under = drawn.high - start - self.high, self.low - (drawn.low - start)
+            found.append((name, Beyond(needed - near["margin_m"], near)))
+            if name != volumes.BUFFER:  # which lies on the ground, whatever the floor of a fence
+                found.append((name, Beyond(over, {"edge": self.names[-2], "side": "up"})))
+                found.append((name, Beyond(under, {"edge": self.names[-1], "side": "down"})))
+        return [(name, x) for name, x in found if x.by_m > 0.0]
 
 
 class Beyond(NamedTuple):

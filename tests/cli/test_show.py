@@ -15,6 +15,7 @@ from flighttune.base.errors import FORKS, StoppedError
 from flighttune.campaigns.engine.progress import CampaignProgress
 from flighttune.cli import show
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.finding import unmet
 
 needs_terminals = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo terminal")
 
@@ -228,7 +229,7 @@ def test_an_answer_that_fails_ends_with_its_status_and_names_the_source_once(
     failure, source, line, status
 ):
     stdout, stderr = io.StringIO(), io.StringIO()
-    made = Answer(verdict="what was found", failure=failure, status=status)
+    made = Answer(verdict="what was found", findings=unmet(failure, status))
     with (
         redirect_stdout(stdout),
         redirect_stderr(stderr),

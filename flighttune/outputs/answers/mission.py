@@ -1,5 +1,6 @@
 """The answers of a mission, planned or counted."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from flighttune.base.words import listed
@@ -57,12 +58,17 @@ def answer(mission: MissionOdds) -> Answer:
 def _of_flights(mission: MissionOdds) -> Answer:
     """The answer of the band and of the room to turn back, with what each of them finds."""
     band, room, files = mission.band, mission.room, mission.files
-    seen = over_ground(band.flights.route, mission.terrain, band)
+    seen, beyond = over_ground(band.flights.route, mission.terrain, band), mission.beyond
     answer = beside_terrain(band.answer(mission.file or "FILE"), seen)
     # Where flights come furthest out, or how they ended, stands before the width.
     odds, wide, holds = lines(band, room, room.summary if room and room.claims else "")
     said = [f"{odds} {mission.way}".strip(), wide, holds]
-    found = [*under_ground(seen), *findings(band), *beyond_fences(mission), *corridor(mission)]
+    found = [
+        *under_ground(seen),
+        *findings(band),
+        *beyond_fences(mission, beyond),
+        *corridor(mission),
+    ]
     if seen.faults:
         notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
         answer = replace(answer, notes=notes, verdict=found[0].headline)
@@ -74,8 +80,7 @@ def _of_flights(mission: MissionOdds) -> Answer:
     if terms:
         turns["terms"] = terms[0].records
     turns["beyond_fence"] = [
-        {"volume": name, "fence": number, "by_m": beyond.by_m, **beyond.place}
-        for number, name, beyond in mission.beyond
+        {"volume": name, "fence": number, "by_m": x.by_m, **x.place} for number, name, x in beyond
     ]
     total = band.confidence + room.confidence - 1.0
     if not room.claims:
@@ -96,14 +101,14 @@ def under_ground(seen: OverGround) -> list[Finding]:
     return [Finding(found="not met", sentence=said, reason=BELOW) for said in seen.faults]
 
 
-def beyond_fences(mission: MissionOdds) -> list[Finding]:
+def beyond_fences(mission: MissionOdds, beyond: Sequence[tuple[int, str, Beyond]]) -> list[Finding]:
     """A finding on each volume that is beyond a fence."""
     fences, found = mission.band.about.fences, []
     for number, tables in enumerate(fences, start=1):
         named = f"fence {number}" if len(fences) > 1 else "the fence"
         inner = NAMES[: NAMES.index(bounded_by(tables)) + 1]
         for name in NAMES:
-            parts = [x for at, of, x in mission.beyond if (at, of) == (number, name)]
+            parts = [x for at, of, x in beyond if (at, of) == (number, name)]
             if not parts:
                 continue
             said = f"the {name} reaches {listed([reaches(x, named) for x in parts])}"
@@ -113,7 +118,7 @@ def beyond_fences(mission: MissionOdds) -> list[Finding]:
                 found.append(Finding(found="not met", sentence=f"{said}.{way}", reason=said))
             else:
                 outside = name not in inner
-                why = f"; this fence bounds the {inner[-1]}, which it surrounds" * outside
+                why = f"; the fence bounds the {inner[-1]}, which lies inside of it" * outside
                 found.append(Finding(found="reserve", sentence=f"{said}{why}."))
     return found
 
@@ -128,9 +133,7 @@ def reaches(beyond: Beyond, fence: str) -> str:
         return (
             f"{by} {'above' if place['side'] == 'up' else 'below'} the {place['edge']} of {fence}"
         )
-    return (
-        f"{by} beyond {fence} {at_place(place)}, which is {place['margin_m']:.0f} m from the path"
-    )
+    return f"{by} beyond {fence} {at_place(place)}, {place['margin_m']:.0f} m from the path"
 
 
 def corridor(mission: MissionOdds) -> list[Finding]:
