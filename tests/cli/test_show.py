@@ -251,7 +251,7 @@ def test_an_answer_without_a_failure_does_not_exit_and_is_silent_if_quiet():
             show.emit(Answer(verdict="all"))
         with show.working("tuning", quiet=False):
             show.say("begun")
-            show.emit(Answer(verdict="found", status=1), "turn.toml")
+            show.emit(Answer(verdict="found", findings=unmet("")), "turn.toml")
     assert stdout.getvalue().startswith("{")
     assert stdout.getvalue().strip().endswith("}\nbegun\nfound.")
     assert "more" not in stdout.getvalue()

@@ -113,9 +113,9 @@ def beyond_fences(mission: MissionOdds, beyond: Sequence[tuple[int, str, Beyond]
                 continue
             said = f"the {name} reaches {listed([reaches(x, named) for x in parts])}"
             if number == len(fences) and name in inner:
-                also = name == CONTINGENCY
-                way = " A fence of the flight geography alone is `--fence-of geography`." * also
-                found.append(Finding(found="not met", sentence=f"{said}.{way}", reason=said))
+                way = ": `--fence-of geography` is a fence of the flight geography alone"
+                reason = f"{said}{way * (name == CONTINGENCY)}"
+                found.append(Finding(found="not met", sentence=f"{said}.", reason=reason))
             else:
                 outside = name not in inner
                 why = f"; the fence bounds the {inner[-1]}, which lies inside of it" * outside

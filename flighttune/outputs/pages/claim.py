@@ -17,7 +17,7 @@ from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run
-from flighttune.outputs.answers.answer import Table, facts_table
+from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.answers.finding import Found
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.chart import Chart, Sheet, dashes
@@ -66,6 +66,7 @@ class Parts:
     below: Sequence[Table] = ()  # tables below the charts
     conditions: Sequence[Table] = ()  # tables that are printed with the map as one A4 page
     changed: Sequence[str] = ()  # notes for the charts
+    shown: Answer | None = None  # for a terminal, if the page has more than the claim
     facts: Mapping[str, str] = field(default_factory=dict)  # rows of its provenance
     texts: Mapping[str, str] = field(default_factory=dict)  # source files
 
@@ -128,7 +129,7 @@ def write_claim_page(
         texts=parts.texts,
         font=font() if parts.conditions else "",
     )
-    return replace(page, shown=claim.answer())
+    return replace(page, shown=parts.shown or claim.answer())
 
 
 def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sheet:

@@ -235,6 +235,7 @@ def band(claim: Band, asked: Asked) -> Parts:
         heading="Map, heights and corridor",
         sentences=said.summary[:top],
         found=said.found,
+        shown=said,
         changed=[*others, *said.changed],
         notes=[*notes, *how_to_read(claim)],
         tables=tables,

@@ -166,7 +166,7 @@ def test_a_mission_fails_if_its_fence_or_its_target_per_hour_is_missed(
     (shares, matters), n = said, len(counted.summary) - 5
     assert counted.summary[n:] == [matters, shares, odds, wide, holds]
     # a terminal has the lead and what a flight is for, and of an answer that is no its odds
-    assert (odds in counted.aside) == (not counted.failure)
+    assert (odds in counted.aside) == (not left)
     assert {shares, wide} <= {*counted.aside}
 
 

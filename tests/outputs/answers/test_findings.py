@@ -138,7 +138,7 @@ def test_a_mission_says_how_far_its_contingency_volume_is_beyond_the_fence(count
     assert float(metres) == pytest.approx(by, abs=ROUNDED_M)
     (part,) = [x for x in said.values["turn_back"]["beyond_fence"] if x["volume"] == CONTINGENCY]
     assert part["by_m"] == pytest.approx(by, abs=ROUNDED_M)
-    assert said.failure.endswith("from the path")
+    assert "`--fence-of geography`" in said.failure
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ def test_a_corridor_beyond_the_fence_is_a_reserve_though_all_flights_stay_inside
     odds, ends = counted
     alone = replace(odds, room=None, files={})
     half = alone.band.corridor().high[:, 0].max()
-    tables = rectangle(ends, (1600.0, 1600.0, 1600.0, half - 0.5))
+    tables = rectangle(ends, (1600.0, 1600.0, half - 0.5, 1600.0))
 
     said = replace(alone, band=alone.band.with_fence(tables)).answer()
 
