@@ -48,9 +48,9 @@ def mission(
     """Plan a mission, fly it, and count whether it stays inside its fence.
 
     The answer has the corridor of its flights, the probability that a new one leaves the fence and
-    where they come nearest to it. Exit status 1 if the planned path or the contingency volume leaves
-    the fence, or the count does not support a probability of at most epsilon; 2 if the mission
-    cannot be flown.
+    where they come nearest to it. Exit status 1 if the planned path or the contingency volume
+    leaves the fence, or the count does not support a probability of at most epsilon; 2 if the
+    mission cannot be flown.
     """
     from flighttune.base.files.load import BAND, kind_of
 

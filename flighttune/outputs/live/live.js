@@ -16,12 +16,12 @@
     if (command) at("said").append(": ", Object.assign(document.createElement("code"), { textContent: command }));
   };
   // What was drawn before belongs to other values: no verdict of it stays, and the rest is dimmed.
-  const refuse = (why) => {
-    document.body.classList.toggle("refused", Boolean(why));
-    for (const part of all("#legend, #charts, .beside")) part.ariaHidden = why ? "true" : null;
-    if (!why) return;
-    const said = Object.assign(document.createElement("p"), { className: "verdict", textContent: `? Not flown: ${why}` });
-    at("verdict").replaceChildren(said);
+  const refuse = (refused) => {
+    document.body.classList.toggle("refused", Boolean(refused));
+    for (const part of all("#legend, #charts, .beside")) part.ariaHidden = refused ? "true" : null;
+    if (!refused) return;
+    const said = { className: "verdict", textContent: "? Not flown with these values." };
+    at("verdict").replaceChildren(Object.assign(document.createElement("p"), said));
   };
   const ask = async (what, more) => {
     const body = JSON.stringify({ window: mine, values: moved(), ...more });
@@ -46,7 +46,7 @@
         document.body.dataset.drawn = ++number;
       }
     } catch {
-      refuse("the command of this page has ended.");
+      refuse(true);
       say("The command of this page has ended.", true);
     }
     flying = false;

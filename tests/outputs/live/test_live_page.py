@@ -192,7 +192,7 @@ def test_a_value_that_is_refused_says_why_and_the_page_goes_on(browser, page):
         set_value(tab, "flight.V_a_mps", 12.0)
         tab.until("/`V_a_mps` must lie in 15/.test(document.querySelector('#said').textContent)")
         # nothing of the values before is left as an answer
-        assert tab.run(f"/V_a_mps/.test({VERDICT}) && !/met/.test({VERDICT})")
+        assert not tab.run(f"/met/.test({VERDICT})")
         assert tab.run("document.querySelector('#verdict .yes, #verdict .no')") is None
         assert tab.run(OPACITY.format("#charts")) < 0.5
         assert tab.run(OPACITY.format(".beside")) < 0.5
