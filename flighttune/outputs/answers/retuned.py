@@ -1,8 +1,9 @@
 """The answer of a search for an autopilot's parameters."""
 
+import math
 from collections.abc import Sequence
 
-from flighttune.base.words import listed
+from flighttune.base.words import MISSING, listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.early import finding_of_early, most
@@ -156,14 +157,19 @@ def errors(retuned: Retuned) -> str:
     """Mean errors of both with their cost."""
     both = retuned.start, retuned.best
     parts = [
-        f"{name} {old:.3g} | {new:.3g} {unit}"
+        f"{name} {known(old)} | {known(new)} {unit}"
         for (name, (_, unit)), old, new in zip(
             WEIGHTS.items(), *(x.errors[: len(WEIGHTS)] for x in both), strict=True
         )
     ]
     weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items() if w)
-    cost = " | ".join(f"{x.cost:.3g}" for x in both)
+    cost = " | ".join(known(x.cost) for x in both)
     return f"Root mean squares: {', '.join(parts)}; cost {cost}, which is {weights}."
+
+
+def known(value: float, form: str = ".3g") -> str:
+    """A number; a dash if no flight completed that would tell it."""
+    return f"{value:{form}}" if math.isfinite(value) else MISSING
 
 
 def margins(retuned: Retuned) -> str:
@@ -176,5 +182,5 @@ def margins(retuned: Retuned) -> str:
         f"{name} {of(retuned.start, i)} | {of(retuned.best, i)}" for i, name in enumerate(CUT)
     )
     roll, lift = retuned.best.rates / retuned.start.rates
-    rates = f"{roll:.2f} and {lift:.2f} times yours"
+    rates = f"{known(roll, '.2f')} and {known(lift, '.2f')} times yours"
     return f"Margins: {cuts}. Rates of the commands of roll and lift: {rates}."
