@@ -254,7 +254,7 @@ def test_a_table_leaves_out_empty_columns_but_for_the_first():
 def test_an_answer_in_json_has_its_sentences_values_and_files(tmp_path):
     table = Table((Column("a"),), [{"a": math.inf}], name="rows")
     answer = Answer(
-        summary=["Yes."], changed=["One change."], values={"x": math.nan, "y": 2.0},
+        lines=["Yes."], changed=["One change."], values={"x": math.nan, "y": 2.0},
         tables=[table, replace(table, name="")], notes=["A note."], command="flighttune x",
         files={"page": tmp_path / "p.html"}, findings=unmet("It failed."),
     )  # fmt: skip
