@@ -17,7 +17,7 @@ from typing import Any
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
 from flighttune.base.words import MISSING, interval, matrix, number, pick, sentence
-from flighttune.outputs.answers.finding import Finding, Found, headlines, worst_of
+from flighttune.outputs.answers.finding import Found, PartFinding, headlines, worst_of
 
 # Space between two columns.
 GAP = "  "
@@ -264,7 +264,7 @@ READ_BY = {"recording": "view", "dataset": "report", "proof": "verify", "scenari
 class Answer:
     """The result of a command: values, tables, sentences, a command to copy, files, failure."""
 
-    findings: Sequence[Finding] = ()  # of its parts; the worst is its verdict
+    findings: Sequence[PartFinding] = ()  # of its parts; the worst is its verdict
     lines: Sequence[str] = ()  # the answer in a few lines, at the top, after those of findings
     changed: Sequence[str] = ()  # changes and omissions of the question, after these lines
     values: Mapping[str, Any] = field(default_factory=dict)

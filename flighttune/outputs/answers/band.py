@@ -15,7 +15,7 @@ from flighttune.claims.counted import Counted
 from flighttune.claims.known import MOST_OF_THE_TIME, navigation_errors
 from flighttune.outputs.answers import counted
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.answers.finding import Finding, unmet
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.labels import columns
 
 # The corridor is that of true distances; a log has those that its autopilot saw.
@@ -96,21 +96,21 @@ def lines(band: Band, room: Counted | None = None, room_words: str = "") -> list
     return [odds, wide, holds]
 
 
-def findings(band: Band) -> list[Finding]:
+def findings(band: Band) -> list[PartFinding]:
     """What a count finds of the mission and its fences, and of a wind that is not planned for."""
     about, flights, slower = band.about, len(band.scores), band.flights.route.except_slopes
     asked = [in_fence(band, about.fences[-1])] if about.fences else []
     found = [*asked, *others_in_fence(band), *wind_of_turns(band)]
     if band.too_many_lost:
         said = f"of {flights} flights {band.lost}; at most {band.allowed} of {band.first} may."
-        return [Finding(found="not met", sentence=said, reason=_reason(band)), *found[1:]]
+        return [PartFinding(found="not met", sentence=said, reason=_reason(band)), *found[1:]]
     if asked:
         return found
     if not band.claims:
         said = f"{band.sentence}."
-        return [Finding(found="open", sentence=said, reason=band.sentence, state=1), *found]
+        return [PartFinding(found="open", sentence=said, reason=band.sentence, state=1), *found]
     said = f"the mission can be flown{slower}. It has no fence to stay inside."
-    return [Finding(found="met", sentence=said), *found]
+    return [PartFinding(found="met", sentence=said), *found]
 
 
 def _reason(band: Band) -> str:
@@ -121,7 +121,7 @@ def _reason(band: Band) -> str:
     return f"{said}; {band.about.epsilon:g} was asked for"
 
 
-def in_fence(band: Band, tables: dict[str, Any]) -> Finding:
+def in_fence(band: Band, tables: Mapping[str, Any]) -> PartFinding:
     """Whether the mission stays inside its fence."""
     flights, slower, fenced = (
         len(band.scores),
@@ -131,7 +131,7 @@ def in_fence(band: Band, tables: dict[str, Any]) -> Finding:
     if fenced.supported:
         slower += "," * bool(slower)
         said = f"the mission can be flown{slower} and stays inside its fence."
-        return Finding(found="met", sentence=said)
+        return PartFinding(found="met", sentence=said)
     reason, more = _reason(band), ""
     if band.about.until_sure:
         more = f"`flighttune band FILE --flights {2 * band.first}` may be enough."
@@ -148,18 +148,18 @@ def in_fence(band: Band, tables: dict[str, Any]) -> Finding:
         )
         no = flights >= band.first or fenced.outside > band.allowed
     if no:
-        return Finding(found="not met", sentence=said, reason=reason)
-    return Finding(found="open", sentence=more, reason=reason, state=1)
+        return PartFinding(found="not met", sentence=said, reason=reason)
+    return PartFinding(found="open", sentence=more, reason=reason, state=1)
 
 
-def others_in_fence(band: Band) -> list[Finding]:
+def others_in_fence(band: Band) -> list[PartFinding]:
     """Fences that were counted before, and are drawn beside the last one."""
     found = []
     for number, tables in enumerate(band.about.fences[:-1], start=1):
         fenced = band.inside(tables)
         if not fenced.supported:
             said = f"fence {number}, asked before, is not kept: {fenced.sentence}."
-            found.append(Finding(found="reserve", sentence=said))
+            found.append(PartFinding(found="reserve", sentence=said))
     return found
 
 
@@ -190,12 +190,12 @@ def at_place(place: Mapping[str, Any]) -> str:
     return "on the {stretch}, {along_m:.0f} m along ({edge}, {side})".format(**place)
 
 
-def wind_of_turns(band: Band) -> list[Finding]:
+def wind_of_turns(band: Band) -> list[PartFinding]:
     """A reserve if faster wind is drawn than the turns are planned for."""
     return wind_beyond(band.flights.route.wind, band.flights.distribution.fastest_wind)
 
 
-def wind_beyond(planned: float, fastest: float) -> list[Finding]:
+def wind_beyond(planned: float, fastest: float) -> list[PartFinding]:
     """A reserve if the fastest wind, m/s, is faster than turns are planned for."""
     if fastest <= planned:
         return []
@@ -203,7 +203,7 @@ def wind_beyond(planned: float, fastest: float) -> list[Finding]:
         f"turns and times are planned for wind up to {planned:.3g} m/s, and the wind reaches "
         f"{at_most(fastest, 3)} m/s: `--set route.wind_mps={at_most(fastest, 3)}` plans for it."
     )
-    return [Finding(found="reserve", sentence=said)]
+    return [PartFinding(found="reserve", sentence=said)]
 
 
 def width(band: Band) -> str:

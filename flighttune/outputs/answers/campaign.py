@@ -6,7 +6,7 @@ from flighttune.campaigns.planning.plan import draws_in_words
 from flighttune.campaigns.statistics.findings import answer_words
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.early import finding_of_early
-from flighttune.outputs.answers.finding import Finding, unmet
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 
 COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
@@ -63,7 +63,7 @@ def succeeded_in_words(outcome: CampaignOutcome) -> str:
     return f"{said}: the largest share with {best}, the smallest with {worst}."
 
 
-def mostly_early(outcome: CampaignOutcome) -> list[Finding]:
+def mostly_early(outcome: CampaignOutcome) -> list[PartFinding]:
     """A finding if most flights ended early, and not as a requirement states."""
     if 2 * outcome.succeeded >= outcome.runs:
         return []

@@ -7,7 +7,7 @@ from typing import Any
 
 from flighttune.base.endings import reasons
 from flighttune.base.words import listed, number
-from flighttune.outputs.answers.finding import Finding
+from flighttune.outputs.answers.finding import PartFinding
 
 # The signal, its range and its value in the reason of a flight that left the range of its aircraft.
 LEFT = re.compile(r"(\w+) must stay inside (\S+) to (\S+?)( deg| m/s|), got (-?[\d.]+)")
@@ -38,7 +38,7 @@ def most(lost: Sequence[object], flights: int) -> bool:
 
 def finding_of_early(
     lost: Mapping[str, Sequence[Mapping[str, Any]]], flights: int
-) -> list[Finding]:
+) -> list[PartFinding]:
     """A finding that settles nothing if most flights of a side ended early; else none.
 
     `lost`: ``status`` and ``reason`` of flights that ended early, by the words for their side, each
@@ -48,7 +48,7 @@ def finding_of_early(
     if not sides:
         return []
     said = in_words({side: (rows, flights) for side, rows in sides.items()})
-    return [Finding(found="open", sentence=said, reason=said)]
+    return [PartFinding(found="open", sentence=said, reason=said)]
 
 
 def in_words(lost: Mapping[str, tuple[Sequence[Mapping[str, Any]], int]]) -> str:

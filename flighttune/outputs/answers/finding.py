@@ -1,8 +1,8 @@
 """What each part of an answer finds; the worst finding is the verdict.
 
-A part that looks at something, such as a fence, a volume or a target, gives a `Finding`. Headline,
-exit status and colour of an answer follow from all of them, so none is better than what stands
-beside it.
+A part that looks at something, such as a fence, a volume or a target, gives a `PartFinding`.
+Headline, exit status and colour of an answer follow from all of them, so none is better than what
+stands beside it.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ ORDER = [*KINDS]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class PartFinding:
     """What a part of an answer finds."""
 
     found: Found
@@ -48,17 +48,17 @@ class Finding:
         return f"{self.begins or KINDS[self.found][0]}{self.sentence}"
 
 
-def unmet(reason: str, state: int | None = None) -> list[Finding]:
+def unmet(reason: str, state: int | None = None) -> list[PartFinding]:
     """A finding that is not met for this reason; none without a reason."""
-    return [Finding(found="not met", reason=reason, state=state)] if reason else []
+    return [PartFinding(found="not met", reason=reason, state=state)] if reason else []
 
 
-def worst_of(findings: Sequence[Finding]) -> Finding | None:
+def worst_of(findings: Sequence[PartFinding]) -> PartFinding | None:
     """The worst finding, the first of equals; None without any."""
     return max(findings, key=lambda finding: finding.rank, default=None)
 
 
-def headlines(findings: Sequence[Finding]) -> list[str]:
+def headlines(findings: Sequence[PartFinding]) -> list[str]:
     """The sentences of findings, the worst first; the first says Yes or No for all of them."""
     worst, ordered = worst_of(findings), sorted(findings, key=lambda x: -x.rank)
     said = [finding for finding in ordered if finding.sentence]

@@ -15,7 +15,7 @@ from flighttune.claims.mission import (
 from flighttune.claims.turn_back import NOT_COUNTED, TurnBack
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.band import at_place, findings, lines, wind_beyond
-from flighttune.outputs.answers.finding import Finding
+from flighttune.outputs.answers.finding import PartFinding
 from flighttune.outputs.answers.turn_back import ended
 from flighttune.routes.fence import Beyond
 from flighttune.routes.volumes import CONTINGENCY, NAMES
@@ -85,7 +85,7 @@ def _of_flights(mission: MissionOdds) -> Answer:
     total = band.confidence + room.confidence - 1.0
     if not room.claims:
         reason = f"room to turn back: {turned.failure}"
-        found.append(Finding(found="open", sentence=room.summary, reason=reason, state=1))
+        found.append(PartFinding(found="open", sentence=room.summary, reason=reason, state=1))
     return replace(
         answer,
         findings=found,
@@ -96,12 +96,14 @@ def _of_flights(mission: MissionOdds) -> Answer:
     )
 
 
-def under_ground(seen: OverGround) -> list[Finding]:
+def under_ground(seen: OverGround) -> list[PartFinding]:
     """A finding on each place of path or corridor below the ground."""
-    return [Finding(found="not met", sentence=said, reason=BELOW) for said in seen.faults]
+    return [PartFinding(found="not met", sentence=said, reason=BELOW) for said in seen.faults]
 
 
-def beyond_fences(mission: MissionOdds, beyond: Sequence[tuple[int, str, Beyond]]) -> list[Finding]:
+def beyond_fences(
+    mission: MissionOdds, beyond: Sequence[tuple[int, str, Beyond]]
+) -> list[PartFinding]:
     """A finding on each volume that is beyond a fence."""
     fences, found = mission.band.about.fences, []
     for number, tables in enumerate(fences, start=1):
@@ -115,11 +117,11 @@ def beyond_fences(mission: MissionOdds, beyond: Sequence[tuple[int, str, Beyond]
             if number == len(fences) and name in inner:
                 way = ": `--fence-of geography` is a fence of the flight geography alone"
                 reason = f"{said}{way * (name == CONTINGENCY)}"
-                found.append(Finding(found="not met", sentence=f"{said}.", reason=reason))
+                found.append(PartFinding(found="not met", sentence=f"{said}.", reason=reason))
             else:
                 outside = name not in inner
                 why = f"; the fence bounds the {inner[-1]}, which lies inside of it" * outside
-                found.append(Finding(found="reserve", sentence=f"{said}{why}."))
+                found.append(PartFinding(found="reserve", sentence=f"{said}{why}."))
     return found
 
 
@@ -136,14 +138,14 @@ def reaches(beyond: Beyond, fence: str) -> str:
     return f"{by} beyond {fence} {at_place(place)}, {place['margin_m']:.0f} m from the path"
 
 
-def corridor(mission: MissionOdds) -> list[Finding]:
+def corridor(mission: MissionOdds) -> list[PartFinding]:
     """A reserve if the corridor is beyond the fence that flights keep."""
     band = mission.band
     if not band.about.fences or (mission.room is not None and mission.room.claims):
         return []
     rows = [x for x in band.inside(band.about.fences[-1]).nearest if x["what"] == "band"]
     return [
-        Finding(
+        PartFinding(
             found="reserve",
             sentence=f"the corridor reaches {-row['margin_m']:.1f} m beyond the fence "
             f"{at_place(row)}: it bounds the flights less closely than their count does.",
@@ -165,9 +167,9 @@ def planned(mission: PlannedMission) -> Answer:
     seen, nearest = mission.seen, mission.nearest
     why = "the planned path leaves the fence"
     found = [
-        *(Finding(found="not met", sentence=said, reason=why) for said in mission.outside),
+        *(PartFinding(found="not met", sentence=said, reason=why) for said in mission.outside),
         *under_ground(seen),
-        *(Finding(found="met", sentence=said) for said in mission.inside),
+        *(PartFinding(found="met", sentence=said) for said in mission.inside),
     ]
     values, wind = {"fence": {"nearest": nearest}} if nearest else {}, []
     if (spread := mission.forecast) is not None:

@@ -5,7 +5,7 @@ from typing import Any
 from flighttune.base.words import at_most, confidence_text, listed
 from flighttune.claims.per_hour import LATER_S, PerHour, healthy_flights_for
 from flighttune.outputs.answers.answer import Answer, Column, Table
-from flighttune.outputs.answers.finding import Finding
+from flighttune.outputs.answers.finding import PartFinding
 
 COLUMNS = (
     Column("term", "term"),
@@ -63,20 +63,22 @@ def answer(hourly: PerHour) -> Answer:
     )
 
 
-def finding(hourly: PerHour) -> list[Finding]:
+def finding(hourly: PerHour) -> list[PartFinding]:
     """Whether the target is met; nothing without one."""
     target, total = hourly.table.target_per_hour, at_most(hourly.bound.total, 3)
     if target is None:
         return []
     said = f"{at_most_leave(hourly)}; the target is {target:g}."
     if hourly.met:
-        return [Finding(found="met", sentence=said)]
+        return [PartFinding(found="met", sentence=said)]
     reason = f"exits per flight hour are at most {total}, and the target is {target:g}"
     if hourly.too_few:
         return [
-            Finding(found="open", sentence=said, reason=reason, begins="Not shown yet: ", state=1)
+            PartFinding(
+                found="open", sentence=said, reason=reason, begins="Not shown yet: ", state=1
+            )
         ]
-    return [Finding(found="not met", sentence=said, reason=reason)]
+    return [PartFinding(found="not met", sentence=said, reason=reason)]
 
 
 def at_most_leave(hourly: PerHour) -> str:

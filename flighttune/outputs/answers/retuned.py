@@ -7,7 +7,7 @@ from flighttune.base.words import MISSING, listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import TRACKING, kept_errors, margins_at
 from flighttune.outputs.answers.early import finding_of_early, most
-from flighttune.outputs.answers.finding import Finding, unmet
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, lags_alone
 from flighttune.studies.retune import (
@@ -82,7 +82,7 @@ def answer(retuned: Retuned) -> Answer:
     )
 
 
-def mostly_early(retuned: Retuned) -> list[Finding]:
+def mostly_early(retuned: Retuned) -> list[PartFinding]:
     """A finding if most of the fresh flights with the result ended early."""
     ended = retuned.rows[retuned.rows["status"] != "completed"]
     lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, TUNED)}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from flighttune.flight.route import PlannedRoute
 from flighttune.outputs.answers.answer import Answer, Table
-from flighttune.outputs.answers.finding import Finding, headlines
+from flighttune.outputs.answers.finding import PartFinding, headlines
 from flighttune.outputs.answers.labels import columns
 
 COLUMNS = columns(
@@ -12,7 +12,7 @@ COLUMNS = columns(
 )
 
 
-def answer(route: PlannedRoute, findings: Sequence[Finding] = ()) -> Answer:
+def answer(route: PlannedRoute, findings: Sequence[PartFinding] = ()) -> Answer:
     """The stretches, the length and the time in still air and in wind.
 
     It begins with `findings` about the path.

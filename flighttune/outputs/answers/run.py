@@ -8,7 +8,7 @@ from flighttune.base.units import DEG
 from flighttune.base.words import matrix, number, pick
 from flighttune.flight.loop.run import SCORE, Run, given_way
 from flighttune.outputs.answers.answer import Answer, Table, facts_table
-from flighttune.outputs.answers.finding import Finding, unmet
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.drawing.palette import LineStyle, line_styles
 
 
@@ -102,6 +102,6 @@ def claimed(runs: Sequence[Run]) -> Answer:
         notes=[*(x for x in claim_notes(runs) if x not in unclaimed), *([check] if claims else [])],
         findings=[
             *(finding for reason in failures for finding in unmet(reason)),
-            *(Finding(found="open", reason=reason) for reason in unclaimed),
+            *(PartFinding(found="open", reason=reason) for reason in unclaimed),
         ],
     )

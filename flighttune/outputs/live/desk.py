@@ -29,7 +29,7 @@ from flighttune.flight.loop.loop import compile_at_once
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import save_scenario
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.outputs.answers.finding import Finding
+from flighttune.outputs.answers.finding import PartFinding
 from flighttune.outputs.live.picture import MAX_FLOWN, MAX_GHOSTS, pieces
 from flighttune.outputs.live.sliders import (
     Values,
@@ -100,7 +100,7 @@ class Desk:
         # The last cloud and the last corridor, by the values that they were flown with.
         self._clouds: dict[str, list[Run]] = {}
         self._corridors: dict[str, Band] = {}
-        self._counted: dict[str, Sequence[Finding]] = {}
+        self._counted: dict[str, Sequence[PartFinding]] = {}
         self._flying, self._searching = threading.Lock(), threading.Lock()
         compile_at_once()
         in_thread(self._fly_ahead)

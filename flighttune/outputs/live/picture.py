@@ -14,7 +14,7 @@ from flighttune.flight.flown import BoundCheck, ClaimCheck, FlownScenario, check
 from flighttune.flight.loop.run import Run, renamed
 from flighttune.flight.models import loop_measures
 from flighttune.outputs.answers.answer import Table
-from flighttune.outputs.answers.finding import Finding, worst_of
+from flighttune.outputs.answers.finding import PartFinding, worst_of
 from flighttune.outputs.answers.flown import ROUTE_COLUMNS, RUN_COLUMNS
 from flighttune.outputs.answers.labels import columns, in_words
 from flighttune.outputs.answers.run import claimed, run_styles
@@ -43,7 +43,7 @@ def pieces(
     cloud: Sequence[Run],
     recorded: Sequence[Run],
     fence: Fence | None,
-    counted: Sequence[Finding] = (),
+    counted: Sequence[PartFinding] = (),
 ) -> str:
     """HTML of the pieces of the page, each in an element with its id.
 
@@ -88,15 +88,15 @@ def _flown(*drawn: tuple[Run, LineStyle]) -> Drawn:
     return [(run, style) for run, style in drawn if len(run.signals) > 1]
 
 
-def _of_claim(claim: ClaimCheck, whose: str = "") -> list[Finding]:
+def _of_claim(claim: ClaimCheck, whose: str = "") -> list[PartFinding]:
     """What flights find of the requirements; nothing if none applies and all are completed."""
     said = f"{whose}{short(claim)}"
     if claim.verdict == "not tested":
-        return [Finding(found="open", sentence=said)] if claim.total.ended else []
-    return [Finding(found="met" if claim.verdict == "met" else "not met", sentence=said)]
+        return [PartFinding(found="open", sentence=said)] if claim.total.ended else []
+    return [PartFinding(found="met" if claim.verdict == "met" else "not met", sentence=said)]
 
 
-def _in_fence(fence: Fence, flown: Mapping[str, Sequence[Run]]) -> Iterator[Finding]:
+def _in_fence(fence: Fence, flown: Mapping[str, Sequence[Run]]) -> Iterator[PartFinding]:
     """Whether the drawn flights stay inside a fence, those of each name together."""
     inside = Volume.of(fence)
     for name, runs in flown.items():
@@ -108,7 +108,7 @@ def _in_fence(fence: Fence, flown: Mapping[str, Sequence[Run]]) -> Iterator[Find
         said = f"{name} leaves the fence by {-margin:.1f} m"
         if margin >= 0.0:
             said = f"{name} stays inside the fence, nearest {margin:.1f} m"
-        yield Finding(found="met" if margin >= 0.0 else "not met", sentence=said)
+        yield PartFinding(found="met" if margin >= 0.0 else "not met", sentence=said)
 
 
 def _requirement(check: BoundCheck) -> dict[str, Any]:

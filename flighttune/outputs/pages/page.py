@@ -27,7 +27,7 @@ from flighttune.outputs.answers.advice import advice
 from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.answers.band import width
 from flighttune.outputs.answers.compare import comparison_table, pairs_table, verdicts
-from flighttune.outputs.answers.finding import Finding, unmet
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.gap import causes, step_table
 from flighttune.outputs.answers.run import (
     claim_notes,
@@ -119,7 +119,7 @@ def write_log_page(
     )
     notes = [*summary, *(line for lines in stated.values() for line in lines)]
     values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
-    open_ones = [Finding(found="open", reason=said) for said in unclaimed]
+    open_ones = [PartFinding(found="open", reason=said) for said in unclaimed]
     shown = Answer(values=values, notes=notes, findings=[*unmet(failure), *open_ones])
     return replace(page, shown=shown)
 

@@ -15,7 +15,7 @@ from flighttune.claims import mission
 from flighttune.outputs.answers import mission as answers
 from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.answers.band import answer, findings, lines
-from flighttune.outputs.answers.finding import Finding, headlines
+from flighttune.outputs.answers.finding import PartFinding, headlines
 from flighttune.routes import maps
 
 HALF, MIDDLE = (5.0, 2.0), (-1.234, 0.567)
@@ -154,7 +154,7 @@ def test_a_mission_fails_if_its_fence_or_its_target_per_hour_is_missed(
     straight, east, left, missed
 ):
     band, said = fenced(straight, east), ["The shares.", "Engines matter."]
-    of_hours = [Finding(found="not met" if missed else "met", sentence="0.1/h.", reason=missed)]
+    of_hours = [PartFinding(found="not met" if missed else "met", sentence="0.1/h.", reason=missed)]
     hourly = SimpleNamespace(answer=lambda: Answer(findings=of_hours, lines=said))
     _, odds, wide, holds = summary(band)
 

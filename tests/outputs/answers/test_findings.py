@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from made_up_missions import counted_mission
 
 from flighttune.claims.mission import MissionOdds
-from flighttune.outputs.answers.answer import Answer
-from flighttune.outputs.answers.early import in_words
-from flighttune.outputs.answers.finding import KINDS, Finding
+from flighttune.outputs.answers import answer, early, finding
 from flighttune.outputs.pages.claim import write_claim_page
-from flighttune.routes import maps
-from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, VolumesMap
+from flighttune.routes import maps, volumes
+
+GEOGRAPHY, CONTINGENCY, BUFFER = volumes.NAMES
 
 GREEN = 'class="verdict yes"'
 
@@ -25,8 +24,8 @@ ROUNDED_M = 2.0
 """A volume is drawn up to 0.4 m wider, its path has points 1 m apart, and metres are rounded."""
 
 findings = st.builds(
-    Finding,
-    found=st.sampled_from([*KINDS]),
+    finding.PartFinding,
+    found=st.sampled_from([*finding.KINDS]),
     sentence=st.sampled_from(["the fence is kept.", "the volume is wide.", ""]),
     reason=st.sampled_from(["", "it is so"]),
 )
@@ -34,7 +33,7 @@ findings = st.builds(
 
 @given(st.lists(findings, min_size=1, max_size=5))
 def test_no_answer_says_yes_while_a_part_of_it_is_not_met(parts):
-    said = Answer(findings=parts, lines=["More."])
+    said = answer.Answer(findings=parts, lines=["More."])
     kinds = {part.found for part in parts}
 
     assert bool(said.status) == bool(kinds & {"open", "not met"})
@@ -77,7 +76,7 @@ def rectangle(ends, room, **stated):
 def drawn(odds):
     """The volumes as their file has them, in longitude and latitude, and their heights."""
     where, ground = odds.band.flights.route.where, odds.band.flights.central.flight.ground_m
-    shapes = json.loads(VolumesMap(where, ground, odds.room.volumes(odds.band)).geojson())
+    shapes = json.loads(volumes.VolumesMap(where, ground, odds.room.volumes(odds.band)).geojson())
     return {
         x["properties"]["name"]: (shapely.geometry.shape(x["geometry"]), x["properties"])
         for x in shapes["features"]
@@ -203,7 +202,7 @@ def ended(draw):
 def test_flights_that_end_early_name_a_signal_its_range_and_a_remedy(rows):
     assume(len({row["signal"] for row in rows}) == 1)
 
-    said = in_words({"": (rows, 9)})
+    said = early.in_words({"": (rows, 9)})
 
     assert said.startswith(f"{len(rows)} of 9 flights ended early. ")
     assert rows[0]["signal"] in said
