@@ -3,11 +3,15 @@
 import math
 
 import numpy as np
+from made_up_band import count_of
 from plans import item, plan_file, waypoint
 
+import flighttune as ft
 from flighttune.base.errors import StoppedError
 from flighttune.base.files.code import JSBSIM
+from flighttune.claims import counted_flights
 from flighttune.claims.mission import LEARN
+from flighttune.claims.turn_back import TurnBack
 
 # Of a route that is flown in half of the time
 HALF = (47.402, 8.503)
@@ -51,3 +55,19 @@ def made_up_flights(monkeypatch, lost_every=None, stopped_after=math.inf):
     monkeypatch.setattr("flighttune.claims.counting._flown", flown)
     monkeypatch.setenv(JSBSIM, "1")  # flown again, they would be others
     return counted
+
+
+def counted_mission(away=(5.0, 2.0), turned=(271.2, 3.4)):
+    """A corridor and a room to turn back along a short route, with made-up distances (m)."""
+    places = ((0.0, 0.0), (600.0, 0.0), (600.0, 500.0))
+    changes = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in places]}
+    flights = ft.flights("circuit", changes=changes).knowing("standard")
+    plan = flights.plan(plant="kinematic", gains="paper").with_runs(17)
+
+    def counted(kind, plan, away):
+        few = {"epsilon": 0.3, "confidence": 0.9}
+        measured = kind.measures.chosen(plan, None)
+        return count_of(kind, plan.with_runs(17), measured, away, np.ones(7), **few)
+
+    turning = counted_flights.turning_back(plan, 30.0)
+    return plan, counted(ft.Band, plan, [*away]), counted(TurnBack, turning, [*turned])

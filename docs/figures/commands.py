@@ -21,8 +21,8 @@ command and its options; the built site has all of that help below. The page is 
 
 Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended
 early); 2 the command could not run, and one line on stderr names the file and the key; or it could
-not judge (runs are missing, a claim is not about the flight), and its answer says why. With
-`--json` a command that ran prints one object on stdout and nothing else.
+not judge (runs are missing, a claim is not about the flight, most flights ended early), and its
+answer says why. With `--json` a command that ran prints one object on stdout and nothing else.
 `-q` prints failures only. A gains file is JSON or TOML with `K_P` and `K_I`; the output of
 `tune --json` is one. In a pipe tables are 120 characters wide, or as wide as `COLUMNS` says.
 `flighttune --install-completion` sets up completion in the shell.

@@ -1,6 +1,6 @@
 """Counts of recorded signals: bands, and flights inside a fence."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
@@ -165,7 +165,7 @@ class Band(SignalBounds):
         low, high = bounds.low[:, columns], bounds.high[:, columns]
         return Corridor(windows, low, high, printable(self.sentence))
 
-    def inside(self, tables: dict[str, Any], file: Path = KEPT) -> Fenced:
+    def inside(self, tables: Mapping[str, Any], file: Path = KEPT) -> Fenced:
         """Count the flights that are not certainly inside a fence, GeoJSON in `tables`.
 
         Messages name the `file` of the fence.
@@ -189,7 +189,7 @@ class Band(SignalBounds):
         )
 
     def _room(
-        self, tables: dict[str, Any], file: Path
+        self, tables: Mapping[str, Any], file: Path
     ) -> tuple[Fence, Room, dict[str, FloatArray]]:
         """A fence, its room along the route, and how far flights and corridor reach."""
         central, (path, origin, _) = self.flights.central, self.flights.route.where

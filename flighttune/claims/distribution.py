@@ -103,6 +103,11 @@ class Distribution:
         """Whether any of its flights has wind."""
         return any(key.startswith("wind.") for key in (*self.fixed, *self.dispersed))
 
+    @property
+    def fastest_wind(self) -> float:
+        """Largest steady wind of its flights, m/s."""
+        return max(self._values("wind.", "speed_mps"), default=0.0)
+
     def sentence(self, flown: str) -> str:
         """The distribution in words; `flown` names the plant and its law."""
         air = [AIR[name].format(text) for name, text in self.air_words.items()]

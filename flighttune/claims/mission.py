@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, TypeAlias, Unpack
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, Unpack
 
 import numpy as np
 
@@ -16,12 +16,14 @@ from flighttune.base.errors import InfeasibleError, InputError, keeping, naming,
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, PER_HOUR, kind_of, load_one, written
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
+from flighttune.base.words import listed
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.forecast import Spread
 from flighttune.campaigns.planning.knowing import Knowledge
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
-from flighttune.campaigns.planning.source import Flights
+from flighttune.campaigns.planning.source import Flights, in_forecast
 from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
@@ -36,8 +38,8 @@ from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes import maps
-from flighttune.routes.fence import Fence, fence_tables, own_fence, read_fence
-from flighttune.routes.volumes import CONTINGENCY, VolumesMap, are_in, rings_around
+from flighttune.routes.fence import Beyond, Fence, fence_tables, own_fence, read_fence
+from flighttune.routes.volumes import CONTINGENCY, GEOGRAPHY, VolumesMap, are_in, rings_around
 
 # Default epsilon, confidence and number of learning flights.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.95, 30
@@ -50,7 +52,16 @@ OUTSIDE = 2
 
 # Trial factors, in this order, on the airspeed and the wind for planned turns, with which flights
 # that ended early are repeated.
-FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
+WIND = "route.wind_mps"
+FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), WIND: (1.5, 2.0)}
+
+# Volumes that a fence may bound, by the words of a user, and their key in a GeoJSON of a fence. The
+# operational volume is flight geography and contingency volume together; its limit is that of the
+# contingency volume (SORA 2.5, annex I).
+FenceOf: TypeAlias = Literal["operational", "geography"]
+OPERATIONAL: FenceOf = "operational"
+BOUNDED: Mapping[str, str] = {OPERATIONAL: CONTINGENCY, "geography": GEOGRAPHY}
+FENCE_OF = "fence_of"
 
 # Words for the file of a monitor on board.
 A_MONITOR = "monitor counted on flights of the aircraft (flighttune monitor MISSION)"
@@ -100,6 +111,20 @@ class MissionOdds(Answering):
     way: str = ""
     per_hour: PerHour | None = None
 
+    @property
+    def beyond(self) -> list[tuple[int, str, Beyond]]:
+        """How far each claimed volume is beyond each counted fence, by number of fence and name."""
+        if self.room is None or not (self.room.claims and self.band.claims):
+            return []
+        path, origin, h_0 = self.band.flights.route.where
+        start = h_0 - self.band.flights.central.flight.ground_m
+        return [
+            (number, name, beyond)
+            for number, tables in enumerate(self.band.about.fences, start=1)
+            for fence in [read_fence(KEPT, origin, tables)]
+            for name, beyond in fence.beyond(path, self.room.volumes(self.band), start)
+        ]
+
     def with_rate(self, per_hour: PerHour) -> "MissionOdds":
         """The answer with the exits per flight hour, written beside the file of the band."""
         files = dict(self.files)
@@ -125,6 +150,26 @@ class MissionOdds(Answering):
                     beside.remove_volumes()
                     files = {name: files[name] for name in files if name not in ("volumes", "kml")}
         return replace(self, room=room, files=files)
+
+
+def bounding(areas: dict[str, Any], fence_of: FenceOf | None, file: Path) -> dict[str, Any]:
+    """A fence with the volume that it bounds, as given or as its file states it."""
+    if not areas:
+        if fence_of is not None:
+            raise InputError("`fence_of` must be with a fence, got none.")
+        return areas
+    if fence_of is not None and fence_of != areas.get(FENCE_OF, OPERATIONAL):
+        areas = {**areas, FENCE_OF: fence_of}
+    if (stated := areas.get(FENCE_OF, OPERATIONAL)) not in BOUNDED:
+        raise InputError(
+            f"{file}: `{FENCE_OF}` must be one of {listed([*BOUNDED], 'or')}, got {stated!r}."
+        )
+    return areas
+
+
+def bounded_by(areas: Mapping[str, Any]) -> str:
+    """The volume that a fence bounds, by its name on a map."""
+    return BOUNDED.get(areas.get(FENCE_OF, OPERATIONAL), CONTINGENCY)
 
 
 class FilesBeside(NamedTuple):
@@ -196,6 +241,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Band | Flights | Scenario | Campaign | Plan | str | Path,
     *,
     fences: Sequence[Path | str] = (),
+    fence_of: FenceOf | None = None,
     turn_back: str | float | None = None,
     rates: RatesTable | str | Path | None = None,
     epsilon: float | None = None,
@@ -224,6 +270,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         band file, whose flights are not flown again.
     fences : sequence of str or Path
         Plans, KML or GeoJSON with areas to stay in and out of, by default the mission's fence.
+    fence_of : {"operational", "geography"}, optional
+        Volume that the fence bounds: the operational volume, which is flight geography and
+        contingency volume together, or the flight geography alone. By default what the file of the
+        fence states (``fence_of`` of a GeoJSON), else the operational volume.
     turn_back : str or float, deg, optional
         Also count the room to turn back, and its volumes: flight geography, contingency volume and
         ground risk buffer. Flights turn back at any place of the route, by 180 deg of course at
@@ -262,7 +312,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Forecast of Open-Meteo (.json, .csv) or NetCDF (.nc, classic, u100 and v100 of a grid at
         heights over ground), also ``FILE@TIME`` or ``FILE@FROM/TO`` by its clock:
         each flight draws its wind from the forecast's range at the mission's heights over all
-        members and these times, instead of 0 to 8 m/s from anywhere.
+        members and these times, instead of 0 to 8 m/s from anywhere. Turns and times are planned
+        for the largest wind of this range, if ``route.wind_mps`` is not among the `changes`.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the other answers are written beside
         it. From 250 flights on each count writes those so far into a file ``...-unfinished``, with
@@ -316,10 +367,12 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         _check_beside(near, source, *fences)
     # Before any flight, this refuses sources that cannot be counted and paths outside the fence.
     turning = None if turn_back is None else counted_flights.turning_back(flown.plan, turn_back)
-    areas, fence = _asked_fence(fences, flown.fences, alone=until_sure, turns=turning is not None)
-    declared = _declared(rates, flown.plan, volume=bool(areas) or turning is not None)
+    areas, fence = _asked_fence(
+        fences, flown.fences, fence_of, alone=until_sure, turns=turning is not None
+    )
+    volume = turning is not None or (bool(areas) and bounded_by(areas) == CONTINGENCY)
+    declared = _declared(rates, flown.plan, volume=volume)
     alarms = None if declared is None else _alarms(rates, declared, flown.plan)
-    hourly = CONFIDENCE if confidence is None else confidence
     claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
     claim = flown.claim(epsilon, confidence, claims)
     flown.check_path(claim, areas, fence, terrain)
@@ -352,7 +405,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
                 declared,
                 _operational_volume(odds, areas, fence),
                 alarms=alarms,
-                confidence=hourly,
+                confidence=CONFIDENCE if confidence is None else confidence,
                 unfinished=None if near is None else unfinished_beside(per_hour_beside(near)),
                 fliers=fliers.at_stage(stages, stages),
             )
@@ -408,9 +461,9 @@ def _alarms(
 
 
 def _operational_volume(odds: MissionOdds, areas: dict[str, Any], fence: Path) -> Volume:
-    """The fence, else the contingency volume around the route."""
+    """The fence of an operational volume, else the contingency volume around the route."""
     where = odds.band.flights.route.where
-    if areas:
+    if areas and bounded_by(areas) == CONTINGENCY:
         return Volume.of(read_fence(fence, where[1], areas))
     if odds.room is None or not (odds.room.claims and odds.band.claims):
         raise InputError("rates per hour must be with a volume, but none is claimed by its count.")
@@ -462,7 +515,8 @@ class _NewFlights:
     def stated(self) -> Flights:
         """The flights of the source."""
         stated = flights_of_source(self.source, **self.settings)
-        return stated.knowing(self.navigation).in_wind(self.wind)
+        own = WIND in (self.settings["changes"] or {})
+        return stated.knowing(self.navigation).in_wind(self.wind, plans=not own)
 
     @cached_property
     def plan(self) -> Plan:
@@ -506,7 +560,8 @@ class _NewFlights:
             place = read_fence(fence, planned.where[1], areas)
             nearest = place.nearest(planned.reference.path)
             if nearest["leaves_m"] is not None:
-                raise InfeasibleError(planned_inside(planned, place, nearest))
+                words = planned_inside(planned, place, nearest)
+                raise InfeasibleError(f"{words[0].upper()}{words[1:]}")
             plan = self.plan.with_runs(LEARN + ending.flights)
             counted_flights.check_one_path(plan, range(plan.runs))
 
@@ -613,7 +668,12 @@ def _check_beside(band: Path, *given: object) -> None:
 
 
 def _asked_fence(
-    fences: Sequence[str | Path], own: Sequence[Path], *, alone: bool, turns: bool
+    fences: Sequence[str | Path],
+    own: Sequence[Path],
+    fence_of: FenceOf | None,
+    *,
+    alone: bool,
+    turns: bool,
 ) -> tuple[dict[str, Any], Path]:
     """The GeoJSON of the requested fence, and its file; empty without a fence."""
     files = [Path(fence) for fence in fences or own]
@@ -621,7 +681,8 @@ def _asked_fence(
     if alone and (turns or not areas):
         got = "`turn_back`, which needs a corridor" if areas else "no fence"
         raise InputError(f"`until_sure` must be about a fence alone, got {got}.")
-    return areas, Path(", ".join(map(str, files)))
+    place = Path(", ".join(map(str, files)))
+    return bounding(areas, fence_of, place), place
 
 
 def mission_plan(
@@ -629,23 +690,30 @@ def mission_plan(
     *,
     fences: Sequence[str | Path] = (),
     terrain: str | Path | None = None,
+    wind: str | Path | None = None,
     out: Path | None = None,
     **of_route: Any,
 ) -> "PlannedMission":
     """The route of a mission or scenario before any flight, also written to a given file.
 
-    Its path is checked against `fences`, or against the mission's own fence. The route of a band
-    file is written with its corridor; `of_route` are further arguments of `route`.
+    Its path is checked against `fences`, or against the mission's own fence, and planned for the
+    forecast `wind`. The route of a band file is written with its corridor; `of_route` are further
+    arguments of `route`.
     """
     if out is not None and os.path.exists(out) and os.path.exists(source) and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     if band := counting.kept_band(source):
-        if any(of_route.values()):
-            raise InputError("`aircraft` and `changes` must be absent for a band file.")
+        if wind is not None or any(of_route.values()):
+            raise InputError("`aircraft`, `wind` and `changes` must be absent for a band file.")
         planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
     else:
         planned = route(source, terrain=terrain, **of_route)
         corridor, shapes = None, []
+    spread = None
+    if wind is not None:
+        plans = WIND not in (of_route.get("changes") or {})
+        scenario, spread = in_forecast(planned.scenario, wind, plans=plans)
+        planned = planned_route(scenario)
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
     seen = over_ground(planned, terrain, band)
@@ -662,6 +730,7 @@ def mission_plan(
         seen=seen,
         notes=notes,
         file=out,
+        forecast=spread,
     )
 
 
@@ -672,11 +741,6 @@ class OverGround(NamedTuple):
     changed: Sequence[str] = ()  # the places in words
     faults: Sequence[str] = ()  # places below the ground, which make the answer no
     notes: Sequence[str] = ()
-
-    @property
-    def failure(self) -> str:
-        """Why the answer is no; else empty."""
-        return "the path or its corridor is below the ground" if self.faults else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -690,6 +754,7 @@ class PlannedMission(Answering):
     seen: OverGround
     notes: Sequence[str]  # notes from writing the file
     file: Path | None
+    forecast: Spread | None = None  # of the wind
 
 
 def over_ground(planned: PlannedRoute, terrain: str | Path | None, band: Band | None) -> OverGround:
@@ -703,7 +768,7 @@ def over_ground(planned: PlannedRoute, terrain: str | Path | None, band: Band | 
     for subject, lowest in zip(("the planned path", "the corridor"), seen.values(), strict=False):
         words = maps.clearance_words(subject, lowest)
         if lowest["over_ground_m"] < 0.0:
-            faults.append(f"No: {words}")
+            faults.append(words)
         else:
             changed.append(f"{words[0].upper()}{words[1:]}")
     return OverGround({"terrain": seen}, changed, faults)
@@ -715,14 +780,14 @@ def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, An
     there = f"on the {nearest['stretch']}, {nearest['along_m']:.0f} m along"
     if nearest["leaves_m"] is None:
         return (
-            f"Yes: the planned path stays inside the fence, nearest {there}: "
+            f"the planned path stays inside the fence, nearest {there}: "
             f"{nearest['margin_m']:.1f} m, {nearest['side']} ({edge})."
         )
     leaves = nearest["leaves_m"]
     lat, lon = maps.on_earth(path.beside(np.array([leaves])), origin)[0]
     ways = _ways_inside(planned, fence, path.stretch_at(leaves).waypoint)
     return (
-        f"No: the planned path leaves the fence on the {path.stretch_at(leaves).words}, "
+        f"the planned path leaves the fence on the {path.stretch_at(leaves).words}, "
         f"{leaves:.0f} m along, at {lat:.5f}, {lon:.5f}, and is up to "
         f"{-nearest['margin_m']:.1f} m outside ({edge}, {there}). {ways}"
     )
@@ -734,7 +799,7 @@ def _ways_inside(planned: PlannedRoute, fence: Fence, waypoint: int) -> str:
     assert scenario.route is not None  # a path exists
     V, radius = scenario.flight.V_a_mps, scenario.route.waypoint[waypoint - 1].radius_m
     slowest = [SLOWEST * V, *(table.config.envelope.V_a[0] for table in scenario.aircraft)]
-    ranges = {"flight.V_a_mps": (V, max(slowest)), "route.wind_mps": (planned.wind, 0.0)}
+    ranges = {"flight.V_a_mps": (V, max(slowest)), WIND: (planned.wind, 0.0)}
     if radius is not None:
         ranges[f"route.waypoint[{waypoint - 1}].radius_m"] = radius, 0.0
     ways = []

@@ -48,8 +48,9 @@ def mission(
     """Plan a mission, fly it, and count whether it stays inside its fence.
 
     The answer has the corridor of its flights, the probability that a new one leaves the fence and
-    where they come nearest to it. Exit status 1 if the planned path leaves the fence, or the count
-    does not support a probability of at most epsilon; 2 if the mission cannot be flown.
+    where they come nearest to it. Exit status 1 if the planned path or the contingency volume
+    leaves the fence, or the count does not support a probability of at most epsilon; 2 if the
+    mission cannot be flown.
     """
     from flighttune.base.files.load import BAND, kind_of
 
@@ -60,7 +61,7 @@ def mission(
     from flighttune.claims.mission import mission_plan
     from flighttune.outputs.pages.claim import write_claim_page
 
-    of_route = "fences", "aircraft", "terrain", "changes", "out"
+    of_route = "fences", "aircraft", "terrain", "wind", "changes", "out"
     if plan:
         check_ending(out, ".geojson", ".kml", ".plan")
         for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
@@ -77,7 +78,7 @@ def mission(
             if page is not None:
                 write_claim_page(odds.band, str(file), page, odds)
     except errors.InfeasibleError:  # the plan tells the reason
-        of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
+        of_plan = {key: settings[key] for key in of_route[:4] if key in settings}
         return mission_plan(source, changes=changes, **of_plan).answer()
     notes = [*answer.notes, *([] if page else [page_note(file)])]
     return replace(answer, notes=notes, files={**answer.files, "page": page})

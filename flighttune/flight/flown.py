@@ -65,7 +65,7 @@ class BoundCheck:
         """Bound, value and difference in one clause."""
         wanted = f"{self.sense.replace('_', ' ')} {self.bound:g}"
         if math.isnan(self.value):
-            got = "nan (there is no value)"
+            got = "no value"
         else:
             got = f"{self.value:.4g}" + ("" if self.met else f" (missed by {self.beyond:.3g})")
         why = f": {self.why}" if self.why and not self.met else ""

@@ -17,6 +17,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
 from flighttune.routes import maps, volumes
 from flighttune.routes.items import HEADER, planner_items, stated_lines
+from flighttune.routes.path import STEP
 from flighttune.routes.path import Path as Route
 
 # Distance between the points of a path at which the distance to the fence is measured, m.
@@ -98,12 +99,17 @@ class Fence:
             for name, height in {"floor": self.low, "ceiling": self.high}.items()
         )
 
-    def nearest(self, path: Route) -> dict[str, Any]:
-        """Place of the smallest margin of a path (m, negative outside), and its first exit."""
+    def nearest(self, path: Route, *, sides: bool = False) -> dict[str, Any]:
+        """Place of the smallest margin of a path (m, negative outside), and its first exit.
+
+        With `sides` floor and ceiling are left out.
+        """
         inside = path.s <= path.length
         places = np.column_stack([path.north, path.east])[inside]
         points, heights = np.asarray(shapely.points(places)), path.up[inside]
         margins = [self.high - heights, heights - self.low]
+        if sides:
+            margins = [np.full(len(heights), np.inf)] * 2
         for ring, outside in zip(self.rings, self.outside, strict=True):
             area = shapely.Polygon(ring)
             sign = np.where(shapely.contains(area, points) == outside, -1.0, 1.0)
@@ -128,6 +134,32 @@ class Fence:
             "stretch": path.stretch_at(along).words,
             "leaves_m": float(path.s[out.argmax()]) if out.any() else None,
         }
+
+    def beyond(
+        self, path: Route, around: Mapping[str, volumes.Volume], start: float
+    ) -> list[tuple[str, "Beyond"]]:
+        """How far volumes around a path are beyond the sides, the ceiling and the floor, by name.
+
+        `start`: height of the start over ground, m.
+        """
+        near, found = self.nearest(path, sides=True), []
+        for name, volume in around.items():
+            drawn = volume.outwards
+            # Between its points the path may come nearer to an edge.
+            needed = volumes.reach(path, drawn.width) + 0.5 * STEP
+            over, under = drawn.high - start - self.high, self.low - (drawn.low - start)
+            found.append((name, Beyond(needed - near["margin_m"], near)))
+            if name != volumes.BUFFER:  # which lies on the ground, whatever the floor of a fence
+                found.append((name, Beyond(over, {"edge": self.names[-2], "side": "up"})))
+                found.append((name, Beyond(under, {"edge": self.names[-1], "side": "down"})))
+        return [(name, x) for name, x in found if x.by_m > 0.0]
+
+
+class Beyond(NamedTuple):
+    """How far a volume is beyond a fence."""
+
+    by_m: float
+    place: Mapping[str, Any]  # edge and side; beside the path as `Fence.nearest` says it
 
 
 class Room(NamedTuple):

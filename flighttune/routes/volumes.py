@@ -111,12 +111,16 @@ class VolumesMap(NamedTuple):
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:
     """Rings of the area within `width` (m) of a path, outer ring first: north, east, (n, 2)."""
+    line = LineString(path.beside(path.points(maps.APART))[:, :2])
+    area = line.buffer(reach(path, width), quad_segs=CORNERS)
+    return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
+
+
+def reach(path: Route, width: float) -> float:
+    """Distance from a path, m, up to which the drawn rings around its `width` may go."""
     off_path = np.abs(path.curvature).max() * maps.APART**2 / 8.0  # distance of a chord, m
     # The corners lie outside the circle, so that the ring contains all places within the width.
-    beyond = (width + off_path) / math.cos(math.pi / (4 * CORNERS))
-    line = LineString(path.beside(path.points(maps.APART))[:, :2])
-    area = line.buffer(beyond, quad_segs=CORNERS)
-    return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
+    return float((width + off_path) / math.cos(math.pi / (4 * CORNERS)))
 
 
 def are_in(file: Path) -> bool:

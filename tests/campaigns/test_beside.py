@@ -438,6 +438,28 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
 
 
 @pytest.mark.slow
+def test_a_comparison_of_flights_that_end_early_says_that_alone(file, tmp_path):
+    """The aircraft stalls at once on a turn that it is asked to fly at its lowest airspeed."""
+    slow = {"flight.V_a_mps": 15.2, "route.wind_mps": 0.0}
+    with flown_here():
+        several = ft.compare("circuit_in_wind", autopilot=file, **{**FEW, "changes": SHORT | slow})
+
+    said = several.answer()
+
+    assert said.status == 2
+    assert said.found == "open"
+    (only,) = said.summary
+    assert re.search(r"\d of 2 flights with (your|our)", only)
+    assert re.search(r"(alpha|V_a) left its range of \S+ to \d+", only)
+    assert "fly faster" in only
+    assert not re.search(r"\b(inf|nan)\b|∞", " ".join([*said.summary, *said.notes]))
+    page.write_beside_page(several, tmp_path / "c.html", "flighttune compare")
+    text = (tmp_path / "c.html").read_text()
+    assert "Errors of all flights" not in text
+    assert 'class="verdict yes"' not in text
+
+
+@pytest.mark.slow
 def test_a_scenario_without_draws_is_flown_once_by_both(file):
     with flown_here():
         alone = ft.compare("level_turn@paper", autopilot=file, workers=1, seed=7)

@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from commands import flighttune
 from plans import plan_file, waypoint
 from scipy.io import netcdf_file
 
@@ -519,6 +520,10 @@ def test_flights_of_a_mission_draw_their_wind_within_the_forecast(tmp_path):
     assert "9 to 13.5 m/s from 355 to 365 deg" in flights.campaign.nominal.route.notes[-1]
 
 
+CLIMBING = (47.4, 8.5, 100), (47.41, 8.5, 110), (47.41, 8.515, 105)
+"""Latitude and longitude, deg, and height over the start, m, of a route with a turn."""
+
+
 def test_a_single_wind_is_not_drawn_but_fixed(tmp_path):
     plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 80), waypoint(47.41, 8.5, 80))
     file = written(tmp_path / "f.json", forecast(members=1, hours=1))
@@ -529,6 +534,55 @@ def test_a_single_wind_is_not_drawn_but_fixed(tmp_path):
     assert campaign.nominal.wind.from_deg == 250.0
     assert campaign.nominal.wind.speed_mps == pytest.approx(8.0, abs=SPEED)
     assert "one forecast without its error" in campaign.nominal.route.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("tables", "times"),
+    [
+        ({"levels": (80, 120), "members": 5, "from_deg": 355.0}, ""),
+        ({"levels": (80, 120), "members": 1, "hours": 1}, ""),
+        ({"members": 2, "hours": 9}, "@2026-11-29T07:30/2026-11-29T08:00"),
+        ({"members": 1, "hours": 1, "per_unit": 1e3}, ""),  # calm
+    ],
+)
+def test_turns_and_times_are_planned_for_the_largest_wind_that_is_drawn(tmp_path, tables, times):
+    plan = plan_file(tmp_path / "m.plan", *(waypoint(*x) for x in CLIMBING))
+    file = written(tmp_path / "f.json", forecast(**tables))
+
+    campaign = ft.flights(plan).in_wind(f"{file}{times}").campaign
+
+    fixed = campaign.nominal.wind.speed_mps
+    drawn = [x.upper for x in campaign.disperse if x.key == "wind.speed_mps"]
+    fastest = max([fixed, *drawn])
+    flown = ft.route(campaign.nominal)
+    assert flown.wind == pytest.approx(fastest, abs=1e-9)
+    assert f"turns for wind up to {fastest:.3g} m/s, " in flown.conditions
+    slowest = flown.reference.V.min()
+    if fastest:
+        in_wind = flown.length / (slowest - fastest)
+        assert f"at most {in_wind:.0f} s in a wind of" in flown.answer().verdict
+    rolls = [x["roll_downwind"] for x in flown.stretches]
+    assert max(rolls) <= np.deg2rad(45.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), ("turns for wind up to 13.5 m/s", "9 to 13.5 m/s from 250 to 260 deg")),
+        (("--set", "route.wind_mps=15"), ("turns for wind up to 15 m/s", "The path can be flown")),
+        (("--set", "route.wind_mps=5"), ("Yes, but turns and times are planned for wind up to 5",)),
+    ],
+)
+def test_a_forecast_is_looked_at_before_any_flight(tmp_path, options, words):
+    """The user's own wind of the turns wins, and is told if the forecast has more."""
+    plan = plan_file(tmp_path / "m.plan", *(waypoint(*x) for x in CLIMBING))
+    file = written(tmp_path / "f.json", forecast())
+
+    said, _ = flighttune("mission", plan, "--wind", file, "--plan", *options)
+
+    for words_of_it in words:
+        assert words_of_it in " ".join(said.split())
 
 
 @pytest.mark.soak

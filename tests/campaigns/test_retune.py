@@ -263,6 +263,25 @@ def test_the_answer_says_what_its_flights_tell_and_what_they_do_not(file, plan):
     )
 
 
+@pytest.mark.parametrize(("lost", "of_yours"), [(93, 93), (60, 93), (60, 0), (0, 93)])
+def test_a_search_whose_flights_end_early_says_that_alone(file, plan, lost, of_yours):
+    """The reason is that of a flight on an aircraft; a result that completes is an answer."""
+    why = "t = 1.94 s: alpha must stay inside -14 to 16 deg, got 16.3 deg."
+    yours = [LOST] * of_yours + [GOOD] * (93 - of_yours)
+    rows = rows_of(yours, [LOST] * lost + [BETTER] * (93 - lost))
+    rows = rows.assign(plant="jsbsim:aerosonde", reason=why)
+
+    said = retuned_of(rows, file, plan.with_runs(93)).answer()
+
+    assert said.status == (2 if lost else 0)
+    if lost:
+        first, aircraft = said.summary
+        assert f"{lost} of 93 flights with the tuned ones" in first
+        assert "alpha left its range of -14 to 16 deg (16.3 deg): fly faster" in first
+        assert aircraft.startswith("The aircraft is")
+    assert not re.search(r"\b(inf|nan)\b|∞", " ".join(said.summary))
+
+
 def test_the_answer_states_both_sides_of_every_number(file, plan):
     """Cost of 2 + 3 + 1 and of 1 + 2 + 1; a factor of 4 is 12.0 dB, and 1 rad is 57 deg."""
     rows = rows_of([GOOD] * 92 + [LOST], [BETTER] * 93).assign(plant="jsbsim:aerosonde")

@@ -15,6 +15,7 @@ from flighttune.base.errors import FORKS, StoppedError
 from flighttune.campaigns.engine.progress import CampaignProgress
 from flighttune.cli import show
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.finding import unmet
 
 needs_terminals = pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo terminal")
 
@@ -217,7 +218,7 @@ def test_an_answer_that_fails_ends_with_its_status_and_names_the_source_once(
     failure, source, line, status
 ):
     stdout, stderr = io.StringIO(), io.StringIO()
-    made = Answer(verdict="what was found", failure=failure, status=status)
+    made = Answer(verdict="what was found", findings=unmet(failure, status))
     with (
         redirect_stdout(stdout),
         redirect_stderr(stderr),
@@ -239,7 +240,7 @@ def test_an_answer_without_a_failure_does_not_exit_and_is_silent_if_quiet():
             show.emit(Answer(verdict="all"))
         with show.working("tuning", quiet=False):
             show.say("begun")
-            show.emit(Answer(verdict="found", status=1), "turn.toml")
+            show.emit(Answer(verdict="found", findings=unmet("")), "turn.toml")
     assert stdout.getvalue().startswith("{")
     assert stdout.getvalue().strip().endswith("}\nbegun\nfound.")
     assert "more" not in stdout.getvalue()

@@ -14,6 +14,7 @@ from flighttune.claims import verbs, verify
 from flighttune.cli import aircraft, explain, gains
 from flighttune.flight import gains as flight_gains
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.finding import unmet
 
 
 @pytest.fixture(autouse=True)
@@ -177,7 +178,7 @@ def test_a_design_that_misses_or_only_tries_writes_nothing(folder, missed, dry):
 
 @pytest.mark.parametrize("out", [None, Path("c.html"), Path("c.rrd")])
 def test_runs_that_cannot_be_compared_are_not_written(folder, out):
-    made = SimpleNamespace(answer=partial(Answer, failure="other aircraft", status=2))
+    made = SimpleNamespace(answer=partial(Answer, findings=unmet("other aircraft", 2)))
 
     said = explain.compare(verb(made)[0], "a", None, out)
 

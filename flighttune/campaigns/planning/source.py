@@ -210,6 +210,9 @@ def _check_disperse(tables: Any, source: str) -> None:
 # only the size of its own aircraft.
 LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
 
+# Most plans of a route for the wind at its heights.
+PLANNED_AGAIN = 3
+
 INERTIAS = "ixx_factor", "iyy_factor", "izz_factor"
 
 # Default range of angular frequencies of a disturbance, rad/s, and its phases, deg.
@@ -281,11 +284,12 @@ class Flights:
         campaign = self.campaign and knowing(self.campaign, navigation)
         return replace(self, scenario=knowing(self.scenario, navigation), campaign=campaign)
 
-    def in_wind(self, forecast: str | Path | None) -> "Flights":
+    def in_wind(self, forecast: str | Path | None, *, plans: bool = True) -> "Flights":
         """Flights along a route in a wind drawn from a forecast; None: no change.
 
         The forecast is Open-Meteo's JSON or CSV, or NetCDF, also ``FILE@FROM/TO``. Its range
-        over members, these times and the heights of the route replaces the campaign's wind.
+        over members, these times and the heights of the route replaces the campaign's wind, and
+        its largest wind is that for which turns are planned, unless not `plans`.
         """
         if forecast is None:
             return self
@@ -294,11 +298,9 @@ class Flights:
             raise InputError(
                 f"{self.place}: `wind` must be with a mission, or a campaign about a route."
             )
-        planned = planned_route(campaign.central)
-        path, origin, h_0 = planned.where
-        up = path.up[path.s <= path.length] + h_0 - campaign.nominal.flight.ground_m
-        spread = spread_of(forecast, origin, (float(up.min()), float(up.max())))
-        return replace(self, campaign=in_spread(campaign, spread, self.place))
+        route, spread = in_forecast(campaign.central, forecast, plans=plans)
+        planned_for = route.route and route.route.wind_mps
+        return replace(self, campaign=in_spread(campaign, spread, self.place, planned_for))
 
     def with_own_requirements(self) -> "Flights":
         """Flights of a mission without the requirements of the campaign that gives its draws."""
@@ -355,8 +357,39 @@ class Flights:
         return campaign_on(campaign, load.scenario_from(tables), self.place)
 
 
-def in_spread(campaign: Campaign, spread: Spread, place: str) -> Campaign:
-    """A campaign whose wind is drawn uniformly from the spread of a forecast."""
+def in_forecast(
+    scenario: Scenario, forecast: str | Path, *, plans: bool
+) -> tuple[Scenario, Spread]:
+    """A scenario whose turns are planned for a forecast if it `plans`, and the forecast's spread.
+
+    The largest wind of the spread covers all winds that are drawn, at all heights and times.
+    """
+    # Wider turns may change the heights of the route, and so the wind.
+    spread = _spread_along(scenario, forecast)
+    for _ in range(PLANNED_AGAIN if plans else 0):
+        planned_for = {"route.wind_mps": spread.speed_mps[1]}
+        changed = load.with_changes(scenario.as_dict(), planned_for, str(forecast))
+        scenario = load.scenario_from(changed)
+        if (again := _spread_along(scenario, forecast)) == spread:
+            break
+        spread = again
+    return scenario, spread
+
+
+def _spread_along(scenario: Scenario, forecast: str | Path) -> Spread:
+    """The spread of a forecast over the heights of a route."""
+    path, origin, h_0 = planned_route(scenario).where
+    up = path.up[path.s <= path.length] + h_0 - scenario.flight.ground_m
+    return spread_of(forecast, origin, (float(up.min()), float(up.max())))
+
+
+def in_spread(
+    campaign: Campaign, spread: Spread, place: str, planned_for: float | None
+) -> Campaign:
+    """A campaign whose wind is drawn uniformly from the spread of a forecast.
+
+    `planned_for`: wind for which its turns are planned, m/s; None for their own.
+    """
     drawn = [x for x in campaign.disperse if not x.key.startswith("wind.")]
     kept = {x.key for x in drawn}
     fixed = {}
@@ -367,6 +400,8 @@ def in_spread(campaign: Campaign, spread: Spread, place: str) -> Campaign:
             drawn.append(Uniform(key=f"wind.{key}", lower=low, upper=high))
     tables = campaign.nominal.as_dict()
     tables["wind"] = fixed
+    if planned_for is not None:
+        tables["route"]["wind_mps"] = planned_for
     tables["route"]["notes"] = [*tables["route"].get("notes", []), spread.words]
     table = campaign.model_copy(
         update={

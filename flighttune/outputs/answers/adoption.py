@@ -4,6 +4,7 @@ import math
 
 from flighttune.base.words import listed, pick
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.trim import who_flies
 from flighttune.studies.adoption.adopt import TURN, Adoption
@@ -32,7 +33,9 @@ def answer(adoption: Adoption) -> Answer:
             "draft": adoption.draft,
             "scenario": folder / TURN if folder else None,
         },
-        failure="" if adoption.status == "adopted" else f"{adoption.status}: {adoption.reason}",
+        findings=(
+            [] if adoption.status == "adopted" else unmet(f"{adoption.status}: {adoption.reason}")
+        ),
     )
 
 

@@ -16,7 +16,8 @@ from typing import Any
 
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
-from flighttune.base.words import MISSING, interval, matrix, number, sentence
+from flighttune.base.words import MISSING, interval, matrix, number, pick, sentence
+from flighttune.outputs.answers.finding import Found, PartFinding, headlines, worst_of
 
 # Space between two columns.
 GAP = "  "
@@ -263,7 +264,8 @@ READ_BY = {"recording": "view", "dataset": "report", "proof": "verify", "scenari
 class Answer:
     """The result of a command: values, tables, sentences, a command to copy, files, failure."""
 
-    summary: Sequence[str] = ()  # the answer in a few lines, at the top
+    findings: Sequence[PartFinding] = ()  # of its parts; the worst is its verdict
+    lines: Sequence[str] = ()  # the answer in a few lines, at the top, after those of findings
     changed: Sequence[str] = ()  # changes and omissions of the question, after these lines
     values: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Table] = ()
@@ -272,19 +274,43 @@ class Answer:
     verdict: str = ""
     command: str = ""  # to copy
     files: Mapping[str, Path | str | None] = field(default_factory=dict)
-    failure: str = ""  # reason for an exit status other than 0
-    status: int = 1  # exit status of a failure: 1 if the answer is no
     whole: bool = False  # whether its tables are the answer, and a terminal shows all lines
+
+    @property
+    def summary(self) -> list[str]:
+        """The sentences of its findings, the worst first, and its lines."""
+        return [*headlines(self.findings), *filter(None, self.lines)]
+
+    @property
+    def found(self) -> Found | None:
+        """What its worst part found; None without a finding."""
+        worst = worst_of(self.findings)
+        return None if worst is None else worst.found
+
+    @property
+    def failure(self) -> str:
+        """Reason for an exit status other than 0: that of the worst finding."""
+        worst = worst_of(self.findings)
+        return worst.reason or worst.sentence if worst and worst.status else ""
+
+    @property
+    def status(self) -> int:
+        """Exit status: that of the worst finding."""
+        worst = worst_of(self.findings)
+        return 0 if worst is None else worst.status
 
     def json(self) -> str:
         """One JSON object; infinite numbers and NaN become null."""
         from pydantic_core import to_jsonable_python  # here: --help must be quick
 
         records = {table.name: table.records for table in self.tables if table.name}
-        verdict = self.verdict or self.failure  # a negative answer is marked here too
-        sentences = {"notes": [*self.changed, *self.notes], "verdict": verdict}
+        said = self.verdict or self.failure  # a negative answer is marked here too
+        sentences = {"notes": [*self.changed, *self.notes], "verdict": said}
         if self.summary:
             sentences["summary"] = self.summary
+        if any(finding.sentence for finding in self.findings):
+            parts = [pick(finding, "found sentence reason") for finding in self.findings]
+            sentences["findings"] = parts
         if self.command:
             sentences["command"] = self.command
         values = {**records, **sentences, **self.values, **self.files}

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from flighttune.base.words import listed, number, percent
+from flighttune.base.words import listed, percent
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.control.margins import Margins
 from flighttune.logs.parameters import Flown
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.early import finding_of_early
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import margins_table
 from flighttune.studies.beside import (
@@ -34,6 +35,8 @@ NOT_EMULATED = (
     "and the switch from leg to leg. Where the throttle is at a stop, TECS gives up height for "
     "airspeed; ours holds the path."
 )
+# The flights of both sides, in a sentence.
+WHOSE = {YOURS: "with your parameters", OURS: "with our law"}
 ACCURACY = columns("of yours ours unit better flights share", of="beside")
 PARAMETERS = columns("name value range from", of="parameters")
 TRACKING = columns("of log low high unit", of="beside_log")
@@ -46,9 +49,14 @@ def answer(beside: Beside) -> Answer:
     lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
     kept, bound = kept_errors(beside.plan.draws)
     unused = ", ".join(now.unused) or "none"
+    early = finding_of_early({WHOSE[x]: rows for x, rows in lost.items()}, beside.plan.draws)
+    if early:  # the errors of the other flights would compare nothing
+        accuracy = []
     return Answer(
-        summary=with_airspeed(
-            summary(beside, kept, accuracy, lost), *airspeed_words(beside.plan, now)
+        findings=early,
+        lines=with_airspeed(
+            [] if early else summary(beside, kept, accuracy, lost),
+            *airspeed_words(beside.plan, now),
         ),
         values={
             "guidance": now.name,
@@ -87,7 +95,7 @@ def answer(beside: Beside) -> Answer:
 
 def with_airspeed(said: Sequence[str], words: str, far: bool) -> list[str]:
     """Sentences with aircraft and airspeed: first if they are far from the user's, else second."""
-    return [words, *said] if far else [said[0], words, *said[1:]]
+    return [words, *said] if far else [*said[:1], words, *said[1:]]
 
 
 def airspeeds(plan: Plan, now: Flown) -> dict[str, float | None]:
@@ -130,12 +138,17 @@ def nearer(accuracy: Rows) -> str:
     closer: list[str] = []
     farther: list[str] = []
     for x in accuracy:
-        yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
+        yours, ours = (bound_in_words(x[name], x["unit"]) for name in (YOURS, OURS))
         said = closer if x[OURS] < x[YOURS] else farther
-        said.append(f"{x['of']} {ours} {x['unit']} (yours {yours} {x['unit']})")
+        said.append(f"{x['of']} {ours} (yours {yours})")
     better = f"our law is better in {listed(closer)}" if closer else ""
     worse = f"{'' if closer else 'our law is '}not better in {listed(farther)}"
     return ", and ".join(filter(None, [better, worse if farther else ""]))
+
+
+def bound_in_words(value: float, unit: str) -> str:
+    """A bound with its unit; an infinite one comes from flights that ended early."""
+    return f"{value:.3g} {unit}" if math.isfinite(value) else "no bound, for the flights lost"
 
 
 def losses(lost: Mapping[str, Rows], draws: int) -> str:
@@ -172,4 +185,5 @@ def margins_at(cut: Sequence[Margins], place: int) -> str:
     if not cut:
         return "unstable"
     gain, phase = cut[place].gain_increase, math.degrees(cut[place].phase_margin)
-    return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
+    of_gain = f"{20.0 * math.log10(gain):.1f} dB" if math.isfinite(gain) else "any gain"
+    return f"{of_gain}, {phase:.0f} deg" if math.isfinite(phase) else f"{of_gain}, any phase"

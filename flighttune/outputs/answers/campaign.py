@@ -5,6 +5,8 @@ from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast
 from flighttune.campaigns.planning.plan import draws_in_words
 from flighttune.campaigns.statistics.findings import answer_words
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.early import finding_of_early
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 
 COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
@@ -61,6 +63,13 @@ def succeeded_in_words(outcome: CampaignOutcome) -> str:
     return f"{said}: the largest share with {best}, the smallest with {worst}."
 
 
+def mostly_early(outcome: CampaignOutcome) -> list[PartFinding]:
+    """A finding if most flights ended early, and not as a requirement states."""
+    if 2 * outcome.succeeded >= outcome.runs:
+        return []
+    return finding_of_early({"": outcome.endings}, outcome.runs)
+
+
 def flown(outcome: CampaignOutcome) -> Answer:
     """Flights by status, and their time; exit status 130 after an interrupt.
 
@@ -82,7 +91,7 @@ def flown(outcome: CampaignOutcome) -> Answer:
             Table(columns(" ".join(outcome.by_group[0])), outcome.by_group),
             endings_table(outcome.endings),
         ],
-        summary=[succeeded_in_words(outcome), *([answered] if answered and reached else [])],
+        lines=[succeeded_in_words(outcome), *([answered] if answered and reached else [])],
         notes=[
             f"{outcome.runs}{most} flights = {draws_in_words(outcome.runs, outcome.groups)}",
             f"flown now: {outcome.flown} in {speed}" if outcome.flown else "nothing was missing",
@@ -91,6 +100,9 @@ def flown(outcome: CampaignOutcome) -> Answer:
         ],
         verdict=answered if reached else "",
         files={"dataset": outcome.dataset},
-        failure=interrupted if outcome.interrupted else "" if reached else answered,
-        status=130 if outcome.interrupted else 1,
+        findings=(
+            unmet(interrupted, 130)
+            if outcome.interrupted
+            else [*mostly_early(outcome), *([] if reached else unmet(answered))]
+        ),
     )

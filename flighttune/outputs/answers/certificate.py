@@ -25,7 +25,7 @@ def answer(certificate: Certificate) -> Answer:
         "model": pick(certificate.model, "states inputs errors A B C"),
     }
     return Answer(
-        summary=proven_in_words(certificate),
+        lines=proven_in_words(certificate),
         values=values,
         tables=[
             Table(columns("rate radius L_d"), [values], "certificate"),

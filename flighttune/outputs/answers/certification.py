@@ -10,6 +10,7 @@ from flighttune.control.margins import loop_margins
 from flighttune.control.theory.indicators import indicators
 from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.certificate import proof_tables, proven_in_words
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import margins_table
 
@@ -56,10 +57,10 @@ def answer(certification: Certification) -> Answer:
             Table(CERTIFICATE_COLUMNS, [{**values, **factor}], "certificate", aside=True),
             *(replace(table, aside=True) for table in proof_tables(values)),
         ],
-        summary=proven_in_words(proven) if proven else [f"No certificate: {why}"],
+        lines=proven_in_words(proven) if proven else [f"No certificate: {why}"],
         notes=notes(certification),
         verdict=proven_in_words(proven)[0] if proven else f"No certificate: {why}",
-        failure="" if proven else f"gains {certification.name}: {why}",
+        findings=[] if proven else unmet(f"gains {certification.name}: {why}"),
     )
 
 

@@ -8,6 +8,7 @@ from flighttune.base.units import shown_unit
 from flighttune.base.words import listed, pick
 from flighttune.gaps.compare import Comparison
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, measure_words
 
 COMPARED = columns("pair channel metric unit a b diff better", of="compared")
@@ -43,7 +44,7 @@ def answer(comparison: Comparison) -> Answer:
             "max_distance_m": comparison.max_distance,
             **pick(comparison, "unpaired missing"),
         },
-        summary=verdicts(comparison),
+        lines=verdicts(comparison),
         changed=[
             *differs,
             *(f"Missing: {line}." for line in comparison.missing),
@@ -55,8 +56,7 @@ def answer(comparison: Comparison) -> Answer:
             replace(comparison_table("metrics", metrics), aside=True),
         ],
         notes=comparison.gains_notes,
-        failure=comparison.reason,
-        status=2,
+        findings=unmet(comparison.reason, 2),
     )
 
 

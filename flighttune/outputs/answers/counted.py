@@ -7,6 +7,8 @@ from flighttune.base.units import shown_unit
 from flighttune.base.words import pick
 from flighttune.claims.counted import Counted
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.early import in_words, most
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import dispersions_table, gains_table
 
@@ -16,7 +18,7 @@ WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="wid
 def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
     """The counted flights and their claim; a failure without a claim."""
     law = counted.flights.scenario.law_table(counted.flights.gains_name)
-    title, name = counted.title
+    (title, name), n = counted.title, len(counted.scores)
     return Answer(
         values={
             "status": "claimed" if counted.claims else "nothing_claimed",
@@ -42,8 +44,9 @@ def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
             *counted.compiled.notes,
             *nearest(counted, file),
         ],
+        lines=[in_words({"": (counted.endings, n)})] if most(counted.endings, n) else [],
         verdict=counted.sentence if counted.claims else "",
-        failure="" if counted.claims else counted.sentence,
+        findings=[] if counted.claims else unmet(counted.sentence),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from flighttune.base.units import DEG
 from flighttune.base.words import pick
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK
@@ -27,10 +28,10 @@ def answer(designed: DesignedAircraft) -> Answer:
     values, tables = {"gains": designed.gains.gains}, [gains, steps_table(designed.steps)]
     met, n = sum(step.met for step in designed.steps), len(designed.steps)
     return Answer(
-        summary=[f"{met} of {n} step responses meet their requirements."],
+        lines=[f"{met} of {n} step responses meet their requirements."],
         values=values,
         tables=tables,
-        failure=designed.missed,
+        findings=unmet(designed.missed),
     )
 
 

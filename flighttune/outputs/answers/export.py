@@ -1,6 +1,7 @@
 """The answers of exports."""
 
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.exports.export import ExportedSource
 from flighttune.outputs.exports.jsbsim_folder import COLUMNS, CSV, README, SCRIPT, ExportedFlight
 
@@ -10,7 +11,7 @@ def source(exported: ExportedSource) -> Answer:
     monitor = {"monitor": exported.monitor} if exported.monitor else {}
     files = {"folder": exported.source.parent, "source": exported.source, **monitor}
     summary = [f"The outer loop is written in C99: {exported.source.name}."]
-    return Answer(summary=summary, notes=exported.notes, files=files)
+    return Answer(lines=summary, notes=exported.notes, files=files)
 
 
 def flight(exported: ExportedFlight) -> Answer:
@@ -22,7 +23,7 @@ def flight(exported: ExportedFlight) -> Answer:
             "csv": folder / CSV,
             "differences": {COLUMNS[name]: value for name, value in exported.differences.items()},
         },
-        summary=[exported.verdict] if exported.same else (),
+        lines=[exported.verdict] if exported.same else (),
         notes=[
             *exported.notes,
             f"This command flies it again and writes {folder / CSV}, where the flight begins at "
@@ -30,5 +31,7 @@ def flight(exported: ExportedFlight) -> Answer:
         ],
         command=exported.command,
         files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},
-        failure="" if exported.same else f"{folder}: {exported.verdict} The folder is kept.",
+        findings=[]
+        if exported.same
+        else unmet(f"{folder}: {exported.verdict} The folder is kept."),
     )

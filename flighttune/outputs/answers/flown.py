@@ -10,6 +10,7 @@ from flighttune.flight.flown import FlownScenario
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.outputs.answers.advice import advice
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed, priority_notes
 from flighttune.outputs.answers.verdict import sentence, short
@@ -65,11 +66,10 @@ def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> A
             Table(shown, runs, scenario.title, grouped=True),
             Table(columns("gains R_K I_K E_K"), linear, loop_in_words(scenario), aside=True),
         ],
-        summary=around.summary,
+        lines=around.summary,
         notes=[*scenario.notes, *slopes, *around.notes, *notes(flown)],
         verdict=f"{stated}. {next_step}" if next_step else f"{stated.removesuffix('.')}.",
-        failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
-        status=around.status,
+        findings=[*around.findings, *(unmet(f"{missed[0]}{more}") if missed else [])],
     )
 
 

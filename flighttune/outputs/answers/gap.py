@@ -1,5 +1,6 @@
 """The answer of the gap between law and aircraft."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.gaps.gap import Gap
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed
 from flighttune.vehicles.identification.file import lag_table
@@ -69,11 +71,10 @@ def answer(gap: Gap, signals: Mapping[str, Path] | None = None) -> Answer:
             "planning": gap.largest_errors,
             **around.values,
         },
-        summary=[*around.summary, *causes(gap)],
+        lines=[*around.summary, *causes(gap)],
         tables=tables if gap.steps else [],
         notes=[*gap.scenario.notes, *notes, *planning(gap), *around.notes],
-        failure=around.failure or early,
-        status=around.status,
+        findings=[*around.findings, *unmet(early)],
     )
 
 
@@ -94,6 +95,8 @@ def causes(gap: Gap) -> tuple[str, ...]:
         if (cause := gap.cause(channel)) is None:
             continue
         first, aircraft = (itae[run.label, channel] for run in (gap.runs[0], gap.aircraft))
+        if not (math.isfinite(first) and math.isfinite(aircraft)):
+            continue
         plant = gap.runs[0].provenance.plant
         sentences.append(
             f"{name.capitalize()} with {gap.name}: ITAE is {first:.2f} rad s² on {plant} and "

@@ -27,7 +27,7 @@ def answer(gradient: Gradient) -> Answer:
         for name, value in gradient.values.items()
     }
     return Answer(
-        summary=[*filter(None, (strongest(name, rows) for name in [*titles][:SENTENCES]))],
+        lines=[*filter(None, (strongest(name, rows) for name in [*titles][:SENTENCES]))],
         values={"run": gradient.run.label, **pick(gradient, "values slopes at_limits_s")},
         tables=[
             Table(COLUMNS, [row for row in rows if row["measure"] == name], title)

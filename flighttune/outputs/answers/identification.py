@@ -9,6 +9,7 @@ import numpy.typing as npt
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import lags_table
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
@@ -54,14 +55,14 @@ def answer(identification: AircraftIdentification) -> Answer:
     airframe = Table(MODE_COLUMNS, identification.modes, title, name="modes")
     values = {"aircraft": identification.identified.aircraft, "channels": conditions[0]["channels"]}
     return Answer(
-        summary=[
+        lines=[
             f"The identified lags explain at least {min(fits):.1f} % of the variance of every "
             "channel in every flight condition."
         ],
         values={**values, "conditions": conditions, "skipped": identification.skipped},
         tables=[lags_table(identification.identified), airframe],
         notes=[FIT_NOTE, *(f"left out: {reason}" for reason in identification.skipped)],
-        failure=f"{identification.identified.aircraft}: {less}" if poor else "",
+        findings=unmet(f"{identification.identified.aircraft}: {less}") if poor else [],
     )
 
 

@@ -17,7 +17,7 @@ def answer(loop: Indicators) -> Answer:
             f"faster, and the slowest eigenvalue at {number(-loop.spectral_abscissa)} 1/s."
         )
     return Answer(
-        summary=[said],
+        lines=[said],
         values={**values, "eigenvalues": [list(pole.values()) for pole in poles]},
         tables=[
             Table(columns("R_K I_K E_K spectral_abscissa"), [values], "indicators"),

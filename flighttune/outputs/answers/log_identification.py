@@ -3,6 +3,7 @@
 from flighttune.base.words import pick
 from flighttune.logs.identify import NAMES, SHOWN_S, UNITS, LogIdentification
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns as columns_by
 from flighttune.outputs.answers.tables import lags_table
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
@@ -31,7 +32,7 @@ def answer(found: LogIdentification) -> Answer:
     tables = [Table(CHANNEL_COLUMNS, records, f"{found.title}: responses", name="responses")]
     untold = dict(found.untold)
     if found.identified is None:
-        return Answer(values={"untold": untold}, tables=tables, failure=found.missing)
+        return Answer(values={"untold": untold}, tables=tables, findings=unmet(found.missing))
     return Answer(
         values={**identified_tables(found.identified), "untold": untold},
         tables=[*tables, lags_table(found.identified)],

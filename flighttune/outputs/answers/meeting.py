@@ -14,6 +14,8 @@ from flighttune.control.theory.indicators import indicators
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import linear_model
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.early import finding_of_early
+from flighttune.outputs.answers.finding import headlines, unmet
 from flighttune.outputs.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.outputs.answers.tables import dispersions_table, gains_table, margins_table
 from flighttune.studies.meeting import BY_DEFAULT, Meeting
@@ -47,6 +49,9 @@ def answer(meeting: Meeting) -> Answer:
     certificate = certify_scenario(scenario, meeting.gains, law=law).values
     missed = [f"{subject(row)}: {row['why']}" for row in rows if row["why"]]
     shown, said = SHARE_COLUMNS if meeting.success else REQUIREMENT_COLUMNS, sentence(meeting)
+    early = (
+        [] if meeting.status == "met" else finding_of_early({"": meeting.endings}, meeting.flights)
+    )
     return Answer(
         values={
             **pick(meeting, "status start start_met flights candidates metric"),
@@ -66,14 +71,14 @@ def answer(meeting: Meeting) -> Answer:
             Table(CERTIFICATE_COLUMNS, [certificate], "certificate", aside=True),
             endings_table(meeting.endings),
         ],
-        summary=[said, *choice_of_start(meeting)],
+        lines=[said] * (not early) + choice_of_start(meeting),
         notes=[
             *filter(None, [worse_sentence(meeting), *meeting.notes, *missed]),
             *meeting.compiled.notes,
             *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
         ],
-        verdict=said,
-        failure="" if meeting.status == "met" else said,
+        verdict=headlines(early)[0] if early else said,
+        findings=early or ([] if meeting.status == "met" else unmet(said)),
     )
 
 

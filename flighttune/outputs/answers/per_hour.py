@@ -5,6 +5,7 @@ from typing import Any
 from flighttune.base.words import at_most, confidence_text, listed
 from flighttune.claims.per_hour import LATER_S, PerHour, healthy_flights_for
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import PartFinding
 
 COLUMNS = (
     Column("term", "term"),
@@ -51,40 +52,57 @@ ENDINGS = {
 
 def answer(hourly: PerHour) -> Answer:
     """The bound, its terms and the number that matters most; a failure if a target is missed."""
-    target, total = hourly.table.target_per_hour, at_most(hourly.bound.total, 3)
-    failure = ""
-    if hourly.met is False:
-        failure = f"exits per flight hour are at most {total}, and the target is {target:g}"
     return Answer(
         values={"per_hour": values(hourly)},
-        summary=summary(hourly),
+        findings=finding(hourly),
+        lines=lines(hourly),
         tables=tables(hourly),
         notes=notes(hourly),
         aside=notes(hourly)[:-1],
         verdict=hourly.sentence,
-        failure=failure,
     )
 
 
-def summary(hourly: PerHour) -> list[str]:
-    """The answer in sentences."""
+def finding(hourly: PerHour) -> list[PartFinding]:
+    """Whether the target is met; nothing without one."""
+    target, total = hourly.table.target_per_hour, at_most(hourly.bound.total, 3)
+    if target is None:
+        return []
+    said = f"{at_most_leave(hourly)}; the target is {target:g}."
+    if hourly.met:
+        return [PartFinding(found="met", sentence=said)]
+    reason = f"exits per flight hour are at most {total}, and the target is {target:g}"
+    if hourly.too_few:
+        return [
+            PartFinding(
+                found="open", sentence=said, reason=reason, begins="Not shown yet: ", state=1
+            )
+        ]
+    return [PartFinding(found="not met", sentence=said, reason=reason)]
+
+
+def at_most_leave(hourly: PerHour) -> str:
+    """The bound in words."""
+    return (
+        f"at most {at_most(hourly.bound.total, 3)} flights per flight hour leave the operational "
+        f"volume, at a confidence of {confidence_text(hourly.confidence)}"
+    )
+
+
+def lines(hourly: PerHour) -> list[str]:
+    """The shares of the bound, the latest ending, and what matters most."""
     bound, faults = hourly.bound, hourly.table.fault
-    target, total = hourly.table.target_per_hour, at_most(bound.total, 3)
-    shares = [
+    parts = [
         f"{fault.kind.replace('_', ' ')} {at_most(x, 2)}"
         for fault, x in zip(faults, bound.faults, strict=True)
     ]
-    begin = "" if target is None else "Yes: " if hourly.met else "No: "
-    if hourly.too_few:
-        begin = "Not shown yet: "
-    aim = "" if target is None else f"; the target is {target:g}"
-    lines = [
-        f"{begin}{'A' if not begin else 'a'}t most {total} flights per flight hour leave the "
-        f"operational volume, at a confidence of {confidence_text(hourly.confidence)}{aim}.",
+    shares = (
         f"Of the exits per flight hour, healthy flight has {at_most(bound.healthy, 3)}, "
-        f"{', '.join(shares)}, and two faults in a flight {at_most(bound.several, 2)}.",
-    ]
-    return [*lines, *latest(hourly), matters_most(hourly)]
+        f"{', '.join(parts)}, and two faults in a flight {at_most(bound.several, 2)}."
+    )
+    no_target = [f"{at_most_leave(hourly)[0].upper()}{at_most_leave(hourly)[1:]}."]
+    no_target *= hourly.table.target_per_hour is None
+    return [*no_target, shares, *latest(hourly), matters_most(hourly)]
 
 
 def latest(hourly: PerHour) -> list[str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from flighttune.base.words import pick
 from flighttune.flight.records.refly import Reflown
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed
 
@@ -28,7 +29,7 @@ def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answe
     same = f"{equal} of {len(records)} runs are equal to the bit when they are flown again."
     different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
     return Answer(
-        summary=[same],
+        lines=[same],
         values={
             **pick(reflown, "equal missing"),
             "versions": {name: {"recorded": then, "now": now} for name, (then, now) in versions},
@@ -41,5 +42,8 @@ def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answe
             Table(DIFFERENCE_COLUMNS, differences, "differences"),
         ],
         notes=[*(f"missing: {line}" for line in reflown.missing), *changed, *around.notes],
-        failure=f"{reflown.source}: {different[0]}" if different else around.failure,
+        findings=[
+            *(unmet(f"{reflown.source}: {different[0]}") if different else []),
+            *around.findings,
+        ],
     )

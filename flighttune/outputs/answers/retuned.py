@@ -1,8 +1,9 @@
 """The answer of a search for an autopilot's parameters."""
 
+import math
 from collections.abc import Sequence
 
-from flighttune.base.words import listed
+from flighttune.base.words import MISSING, listed
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.beside import (
     TRACKING,
@@ -11,6 +12,8 @@ from flighttune.outputs.answers.beside import (
     margins_at,
     with_airspeed,
 )
+from flighttune.outputs.answers.early import finding_of_early, most
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.studies.beside import CONFIDENCE, CUT, YOURS, airspeed_words, lags_alone
 from flighttune.studies.retune import (
@@ -50,11 +53,11 @@ SETS = {
 def answer(retuned: Retuned) -> Answer:
     """Whether the parameters found are better, both on fresh draws, and the changes."""
     rows, accuracy = changes(retuned), retuned.accuracy
-    said, (words, far) = sentence(retuned), airspeed_words(retuned.plan, retuned.now)
+    said, early = sentence(retuned), mostly_early(retuned)
+    words, far = airspeed_words(retuned.plan, retuned.now)
+    lines = [] if early else [said, errors(retuned), margins(retuned)]
     return Answer(
-        summary=with_airspeed(
-            [said, errors(retuned), margins(retuned)], f"{words} {other_aircraft(retuned)}", far
-        ),
+        lines=with_airspeed(lines, f"{words} {other_aircraft(retuned)}", far),
         values={
             "guidance": retuned.now.name,
             "airspeed": airspeeds(retuned.plan, retuned.now),
@@ -83,8 +86,18 @@ def answer(retuned: Retuned) -> Answer:
             EMULATED,
             NOT_SEARCHED,
         ],
-        failure="" if retuned.better else said,
+        findings=early or ([] if retuned.better else unmet(said)),
     )
+
+
+def mostly_early(retuned: Retuned) -> list[PartFinding]:
+    """A finding if most of the fresh flights with the result ended early."""
+    ended = retuned.rows[retuned.rows["status"] != "completed"]
+    lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, TUNED)}
+    if not most(lost[TUNED], retuned.plan.draws):
+        return []
+    sides = {"with your parameters": lost[YOURS], "with the tuned ones": lost[TUNED]}
+    return finding_of_early(sides, retuned.plan.draws)
 
 
 def changes(retuned: Retuned) -> list[dict[str, object]]:
@@ -152,14 +165,19 @@ def errors(retuned: Retuned) -> str:
     """Mean errors of both with their cost."""
     both = retuned.start, retuned.best
     parts = [
-        f"{name} {old:.3g} | {new:.3g} {unit}"
+        f"{name} {known(old)} | {known(new)} {unit}"
         for (name, (_, unit)), old, new in zip(
             WEIGHTS.items(), *(x.errors[: len(WEIGHTS)] for x in both), strict=True
         )
     ]
     weights = " + ".join(f"{w:g} {name} [{unit}]" for name, (w, unit) in WEIGHTS.items() if w)
-    cost = " | ".join(f"{x.cost:.3g}" for x in both)
+    cost = " | ".join(known(x.cost) for x in both)
     return f"Root mean squares: {', '.join(parts)}; cost {cost}, which is {weights}."
+
+
+def known(value: float, form: str = ".3g") -> str:
+    """A number; a dash if no flight completed that would tell it."""
+    return f"{value:{form}}" if math.isfinite(value) else MISSING
 
 
 def margins(retuned: Retuned) -> str:
@@ -172,5 +190,5 @@ def margins(retuned: Retuned) -> str:
         f"{name} {of(retuned.start, i)} | {of(retuned.best, i)}" for i, name in enumerate(CUT)
     )
     roll, lift = retuned.best.rates / retuned.start.rates
-    rates = f"{roll:.2f} and {lift:.2f} times yours"
+    rates = f"{known(roll, '.2f')} and {known(lift, '.2f')} times yours"
     return f"Margins: {cuts}. Rates of the commands of roll and lift: {rates}."

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from flighttune.flight.route import PlannedRoute
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import PartFinding, headlines
 from flighttune.outputs.answers.labels import columns
 
 COLUMNS = columns(
@@ -11,10 +12,10 @@ COLUMNS = columns(
 )
 
 
-def answer(route: PlannedRoute, faults: Sequence[str] = ()) -> Answer:
+def answer(route: PlannedRoute, findings: Sequence[PartFinding] = ()) -> Answer:
     """The stretches, the length and the time in still air and in wind.
 
-    If the path has `faults`, one sentence each, the answer is no and begins with them.
+    It begins with `findings` about the path.
     """
     path, slowest, time = route.reference.path, float(route.reference.V.min()), route.time
     stretches, in_wind, wind = route.stretches, "", f"a wind of {route.wind:.3g} m/s"
@@ -25,10 +26,11 @@ def answer(route: PlannedRoute, faults: Sequence[str] = ()) -> Answer:
     length = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
     flown = f"The path can be flown{route.except_slopes}: {length}."
     plants = ", ".join(table.label for table in route.scenario.plant)
+    faults = [x for x in findings if x.status]
     return Answer(
-        summary=[
-            *(faults or [flown]),
-            *([f"The path has {length}."] if faults else []),
+        findings=findings,
+        lines=[
+            f"The path has {length}." if faults else flown,
             f"For {plants}: {route.conditions}.",
         ],
         changed=[*route.scenario.notes, *route.changed],
@@ -39,6 +41,5 @@ def answer(route: PlannedRoute, faults: Sequence[str] = ()) -> Answer:
             "stretches": stretches,
         },
         tables=[Table(COLUMNS, stretches, f"{route.scenario.title}: {route.conditions}")],
-        verdict=faults[0] if faults else length,
-        failure=faults[0].removeprefix("No: ") if faults else "",
+        verdict=headlines(findings)[0] if faults else length,
     )

@@ -6,8 +6,9 @@ import numpy as np
 
 from flighttune.base.units import DEG
 from flighttune.base.words import matrix, number, pick
-from flighttune.flight.loop.run import COULD_NOT_SAY, SCORE, Run, given_way
+from flighttune.flight.loop.run import SCORE, Run, given_way
 from flighttune.outputs.answers.answer import Answer, Table, facts_table
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.drawing.palette import LineStyle, line_styles
 
 
@@ -97,8 +98,10 @@ def claimed(runs: Sequence[Run]) -> Answer:
     check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
     return Answer(
         values={"claims": claims},
-        summary=unclaimed,
+        lines=unclaimed,
         notes=[*(x for x in claim_notes(runs) if x not in unclaimed), *([check] if claims else [])],
-        failure=next(iter([*failures, *unclaimed]), ""),
-        status=COULD_NOT_SAY if unclaimed and not failures else 1,
+        findings=[
+            *(finding for reason in failures for finding in unmet(reason)),
+            *(PartFinding(found="open", reason=reason) for reason in unclaimed),
+        ],
     )

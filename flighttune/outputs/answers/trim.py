@@ -6,6 +6,7 @@ from typing import Any
 
 from flighttune.base.words import figures, pick
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.vehicles.trims import Trims
 
@@ -26,11 +27,11 @@ def answer(trims: Trims, *, every_condition: bool = False) -> Answer:
     failure = f"{trims.aircraft}: no steady flight among {len(trims.records)}: {reason}"
     steady = sum(bool(row["trim"]) for row in trims.records)
     return Answer(
-        summary=[f"{steady} of {len(trims.records)} conditions have a steady flight."],
+        lines=[f"{steady} of {len(trims.records)} conditions have a steady flight."],
         values={**pick(trims, "aircraft not_compiled"), "trims": trims.records},
         tables=[Table(columns, records, f"{trims.title}: steady flight")],
         notes=[who_flies(trims.not_compiled)],
-        failure="" if any(row["trim"] for row in trims.records) else failure,
+        findings=[] if any(row["trim"] for row in trims.records) else unmet(failure),
     )
 
 

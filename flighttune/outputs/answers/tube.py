@@ -10,6 +10,7 @@ from flighttune.claims.tubes.enclosure import LEFT, Tube
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, residual_of_logs
 from flighttune.claims.tubes.tube import TriedDisturbances
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import gains_table
 
@@ -66,7 +67,7 @@ def answer(tube: Tube, gains: str = "") -> Answer:
         ],
         notes=notes(tube),
         verdict=tube.sentence if bounded else "",
-        failure="" if bounded else tube.reason,
+        findings=[] if bounded else unmet(tube.reason),
     )
 
 
@@ -141,5 +142,5 @@ def tried(found: TriedDisturbances) -> Answer:
         values={"largest_disturbance": found.largest},
         tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
         verdict=verdict if bounded else "",
-        failure="" if bounded else "for no disturbance tried the set is bounded.",
+        findings=[] if bounded else unmet("for no disturbance tried the set is bounded."),
     )

@@ -15,6 +15,7 @@ from flighttune.control.margins import loop_margins
 from flighttune.control.tuning.noise import Noise, Rms
 from flighttune.control.tuning.result import TuningResult
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import gains_table, margins_table
 from flighttune.outputs.drawing.chart import DASHED, Chart
@@ -65,7 +66,7 @@ def answer(result: TuningResult) -> Answer:
     }
     plain = bool(np.all(np.asarray(result.problem.scaling) == 1.0))
     return Answer(
-        summary=[summary(result)],
+        lines=[summary(result)],
         values=values,
         tables=tables(result, values, nearest),
         notes=[
@@ -74,7 +75,7 @@ def answer(result: TuningResult) -> Answer:
             *(result.tuned_for or {}).get("assumed", ()),
             *([f"proven {result.bound.sentence}"] if result.bound else []),
         ],
-        failure="" if result.solved else result.reason,
+        findings=[] if result.solved else unmet(result.reason),
     )
 
 

@@ -8,6 +8,7 @@ from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import Verified, stale_notes
 from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns
 
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
@@ -27,10 +28,10 @@ def answer(verified: Verified) -> Answer:
     shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
     lacks = kind if verified.verification.checked else "checked"
     return Answer(
-        summary=short,
+        lines=short,
         values={**pick(verified, "valid reason"), "claim": claim.values},
         tables=[Table(shown, checks, "" if short else title, name="checks"), *claim.tables],
         notes=[*stale_notes(value), *(notes if valid else ())],
         verdict=f"{kind if valid else f'claimed, not {lacks}'}: {verified.claim.sentence}",
-        failure="" if valid else f"{place}{verified.reason}",
+        findings=[] if valid else unmet(f"{place}{verified.reason}"),
     )

@@ -1,7 +1,10 @@
 """The answer of a search for the worst flight."""
 
+import math
+
 from flighttune.base.words import pick
 from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.finding import unmet
 from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.studies.worst import BAND, TUBE, WorstFlight
 
@@ -21,7 +24,9 @@ def answer(worst: WorstFlight) -> Answer:
         {"key": key, "value": value if isinstance(value, float) else str(value)}
         for key, value in worst.drawn.items()
     ]
-    near = f"the worst flight uses {worst.value:.4g} of the {worst.metric}"
+    near = f"the worst flight ended early ({worst.status.replace('_', ' ')})"
+    if math.isfinite(worst.value):
+        near = f"the worst flight uses {worst.value:.4g} of the {worst.metric}"
     notes = [*worst.scenario.gains_notes(worst.plant, worst.gains)]
     notes += worst.compiled.notes
     notes += [near] * (worst.metric in (TUBE, BAND) and not worst.contradicts)
@@ -34,5 +39,5 @@ def answer(worst: WorstFlight) -> Answer:
         ],
         notes=notes,
         verdict="" if worst.contradicts else worst.missed or "no requirement is missed",
-        failure=f"{near}: this contradicts its proof" if worst.contradicts else "",
+        findings=unmet(f"{near}: this contradicts its proof") if worst.contradicts else [],
     )

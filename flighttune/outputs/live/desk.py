@@ -29,6 +29,7 @@ from flighttune.flight.loop.loop import compile_at_once
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import save_scenario
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.outputs.answers.finding import PartFinding
 from flighttune.outputs.live.picture import MAX_FLOWN, MAX_GHOSTS, pieces, without_flights
 from flighttune.outputs.live.sliders import (
     Values,
@@ -99,6 +100,7 @@ class Desk:
         # The last cloud and the last corridor, by the values that they were flown with.
         self._clouds: dict[str, list[Run]] = {}
         self._corridors: dict[str, Band] = {}
+        self._counted: dict[str, Sequence[PartFinding]] = {}
         self._flying, self._searching = threading.Lock(), threading.Lock()
         self.differs: DifferenceError | None = None  # then nothing on the page is right
         self._shown: FlownScenario | None = None
@@ -155,7 +157,8 @@ class Desk:
             cloud = self._clouds.get(key, [])
             self._shown = now
             self._moved.set()
-            return {"pieces": pieces(now, ghosts, cloud, self._recorded, self._fence)}
+            counted = self._counted.get(key, [])
+            return {"pieces": pieces(now, ghosts, cloud, self._recorded, self._fence, counted)}
 
     def _fly(self, key: str) -> FlownScenario:
         return fly_unchecked(moved(self.scenario, self.sliders, json.loads(key)))
@@ -228,7 +231,9 @@ class Desk:
         drawn = replace(self._stated, scenario=scenario, campaign=airframes(scenario))
         odds = mission(drawn, navigation=_navigation(scenario), observer=search)
         self._corridors = {_key(values): odds.band} if odds.band else {}
-        return " ".join(odds.answer().summary[:2]), None
+        answer = odds.answer()
+        self._counted = {_key(values): answer.findings}
+        return " ".join(answer.summary[:2]), None
 
     def save(self, asked: Asked) -> dict[str, str]:
         """Write scenario and gains, or a recording, into a new folder inside the page's folder."""

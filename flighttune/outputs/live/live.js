@@ -15,6 +15,14 @@
     at("said").textContent = text;
     if (command) at("said").append(": ", Object.assign(document.createElement("code"), { textContent: command }));
   };
+  // What was drawn before belongs to other values: no verdict of it stays, and the rest is dimmed.
+  const refuse = (refused) => {
+    document.body.classList.toggle("refused", Boolean(refused));
+    for (const part of all("#legend, #charts, .beside")) part.ariaHidden = refused ? "true" : null;
+    if (!refused) return;
+    const said = { className: "verdict", textContent: "? Not flown with these values." };
+    at("verdict").replaceChildren(Object.assign(document.createElement("p"), said));
+  };
   const ask = async (what, more) => {
     const body = JSON.stringify({ window: mine, values: moved(), ...more });
     return (await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body, keepalive: true })).json();
@@ -29,6 +37,7 @@
       while (wanted) {
         wanted = false;
         const { pieces, failed } = await ask("picture", { ghosts });
+        refuse(pieces ? "" : failed);
         if (failed) say(failed, true);
         else if (at("said").className) say("");
         if (!pieces) continue;
@@ -38,6 +47,7 @@
         document.body.dataset.drawn = ++number;
       }
     } catch {
+      refuse(true);
       say("The command of this page has ended.", true);
     }
     flying = false;

@@ -24,7 +24,8 @@ DRAWN = 3
 
 def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
     """Write the answer as one self-contained page; `command` repeats it."""
-    answer, ours = beside.answer(), beside.plan.groups[-1].gains
+    answer, ours, n = beside.answer(), beside.plan.groups[-1].gains, beside.plan.draws
+    early = answer.found is not None
     # tables of margins, if any, start at the fifth table
     (*notes, unused), (*found, parameters) = answer.notes, answer.tables
     draw, flights = typical_flights(beside)
@@ -33,6 +34,7 @@ def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
         path,
         title=f"{beside.plan.scenario.title}: {beside.now.name} beside {ours}",
         summary=answer.summary,
+        found=answer.found,
         parts={
             "responses": Section(
                 title=f"One flight with both, draw {draw}",
@@ -40,9 +42,9 @@ def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
                 charts=overview(flights) if flights else (),
             ),
             "accuracy": Section(
-                title="Errors of all flights",
+                title="Flights that ended early" if early else "Errors of all flights",
                 note=notes,
-                charts=error_charts(beside, styles) if beside.plan.draws > 1 else (),
+                charts=error_charts(beside, styles) if n > 1 and not early else (),
                 tables=found[:4],
                 columns=3,
                 legend=False,

@@ -66,7 +66,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     shown = Answer(
         values={**findings.values, "sha256": sha256, **findings.compiled.values},
         tables=[*tables["rates"], *tables["paired"]],
-        summary=page.summary,
+        lines=page.summary,
         notes=notes(findings),
     )
     return replace(page, shown=shown)

@@ -18,7 +18,8 @@ from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run
-from flighttune.outputs.answers.answer import Table, facts_table
+from flighttune.outputs.answers.answer import Answer, Table, facts_table
+from flighttune.outputs.answers.finding import Found
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.chart import Chart, Sheet, dashes
 from flighttune.outputs.pages.frame import Report, Section, write_answer
@@ -58,6 +59,7 @@ class Parts:
 
     title: str
     sentences: Sequence[str]  # at the top
+    found: Found | None = None  # what the worst part of it found, which colours the first sentence
     notes: Sequence[str]
     tables: Sequence[Table]
     charts: Sequence[Chart] = ()
@@ -65,6 +67,7 @@ class Parts:
     below: Sequence[Table] = ()  # tables below the charts
     conditions: Sequence[Table] = ()  # tables that are printed with the map as one A4 page
     changed: Sequence[str] = ()  # notes for the charts
+    shown: Answer | None = None  # for a terminal, if the page has more than the claim
     facts: Mapping[str, str] = field(default_factory=dict)  # rows of its provenance
     texts: Mapping[str, str] = field(default_factory=dict)  # source files
 
@@ -81,8 +84,8 @@ def bound(claim: RateBound, _: Asked) -> Parts:
 
 def per_hour(claim: PerHour, _: Asked) -> Parts:
     """The page of the exits per flight hour."""
-    parts = _stated(claim, "Exits per flight hour")
-    return replace(parts, sentences=claim.answer().summary)
+    parts, said = _stated(claim, "Exits per flight hour"), claim.answer()
+    return replace(parts, sentences=said.summary, found=said.found)
 
 
 def log_monitor(claim: LogMonitor, _: Asked) -> Parts:
@@ -111,6 +114,7 @@ def write_claim_page(
         path,
         title=parts.title,
         summary=parts.sentences,
+        found=parts.found,
         parts={
             "responses": Section(
                 title=parts.heading, note=parts.changed, charts=parts.charts, tables=parts.below
@@ -126,7 +130,7 @@ def write_claim_page(
         texts=parts.texts,
         font=font() if parts.conditions else "",
     )
-    return replace(page, shown=claim.answer())
+    return replace(page, shown=parts.shown or claim.answer())
 
 
 def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sheet:

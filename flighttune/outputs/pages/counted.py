@@ -17,6 +17,7 @@ from flighttune.claims.shape import predicted
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import stale_notes
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.finding import headlines
 from flighttune.outputs.answers.mission import LINES
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
@@ -220,7 +221,8 @@ def band(claim: Band, asked: Asked) -> Parts:
     said, parts = mission.answer(), _counted(claim, claim.answer(asked.source))
     # The tables of the page have the conditions and the terms of the exits per flight hour.
     in_tables = {said.summary[-1], *(mission.per_hour.answer().summary if mission.per_hour else ())}
-    others = [x for x in said.summary[LINES:] if x not in in_tables]
+    top = max(LINES, len(headlines(said.findings)) + 1)
+    others = [x for x in said.summary[top:] if x not in in_tables]
     notes, tables = [*parts.notes, claim.sentence, *claim.said_of_fences], [*parts.tables]
     notes += [NOT_SEEN] * (mission.terrain is None)
     if mission.room is not None:
@@ -231,7 +233,9 @@ def band(claim: Band, asked: Asked) -> Parts:
         parts,
         title=f"Mission {quoted(claim.flights.scenario.title)}",
         heading="Map, heights and corridor",
-        sentences=said.summary[:LINES],
+        sentences=said.summary[:top],
+        found=said.found,
+        shown=said,
         changed=[*others, *said.changed],
         notes=[*notes, *how_to_read(claim)],
         tables=tables,

@@ -115,7 +115,7 @@ def write_page(
     )
     sections = [section for section in filled if section.charts or section.tables]
     page = template.render(
-        **{"claim": "", "about": (), "legend": (), "styles": {}, **more},
+        **{"claim": "", "about": (), "legend": (), "styles": {}, "found": None, **more},
         summary=summary,
         sections=sections,
         **look_and_script(Path(__file__).with_name("page.js")),

@@ -15,7 +15,7 @@ from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_GENTLE, TUNED_IDENTIFIED
 from flighttune.control.tuning.tune import frontier
 from flighttune.flight.flown import check_claim
-from flighttune.flight.loop.run import COULD_NOT_SAY, Run
+from flighttune.flight.loop.run import Run
 from flighttune.flight.models import tuning_problem
 from flighttune.flight.scenario.load import gains_notes, scenario_of
 from flighttune.flight.scenario.schema import Scenario
@@ -27,6 +27,7 @@ from flighttune.outputs.answers.advice import advice
 from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.answers.band import width
 from flighttune.outputs.answers.compare import comparison_table, pairs_table, verdicts
+from flighttune.outputs.answers.finding import PartFinding, unmet
 from flighttune.outputs.answers.gap import causes, step_table
 from flighttune.outputs.answers.run import (
     claim_notes,
@@ -118,9 +119,9 @@ def write_log_page(
     )
     notes = [*summary, *(line for lines in stated.values() for line in lines)]
     values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
-    shown = Answer(values=values, notes=notes, failure=failure or next(iter(unclaimed), ""))
-    status = 1 if failure or not unclaimed else COULD_NOT_SAY
-    return replace(page, shown=replace(shown, status=status))
+    open_ones = [PartFinding(found="open", reason=said) for said in unclaimed]
+    shown = Answer(values=values, notes=notes, findings=[*unmet(failure), *open_ones])
+    return replace(page, shown=shown)
 
 
 def _tracked(run: Run, corridors: Sequence[Band]) -> list[str]:
@@ -185,7 +186,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
         version=origin.versions.get("flighttune", ""),
     )
     shown = _shown(source, page, around, [*gains_notes(runs), *around.notes])
-    return replace(page, shown=replace(shown, summary=(*lacks, *around.summary, *first)))
+    return replace(page, shown=replace(shown, lines=(*lacks, *around.summary, *first)))
 
 
 def _of_one_scenario(source: compare.Source) -> list[Run]:
@@ -237,8 +238,7 @@ def _shown(source: compare.Source, page: Report, around: Answer, notes: Sequence
         },
         tables=[replace(table, name="") for table in named if table.name in PRINTED],
         notes=[*notes, *(f"missing: {line}" for line in source.missing)],
-        failure=source.lacks or around.failure,
-        status=2 if source.lacks else around.status,
+        findings=[*unmet(source.lacks, 2), *around.findings],
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from flighttune.base.files.whole import current
 from flighttune.claims.band import Band
 from flighttune.claims.distribution import AIR, EXACT
-from flighttune.claims.mission import MissionOdds
+from flighttune.claims.mission import MissionOdds, bounded_by
 from flighttune.flight.fly import library_versions
 from flighttune.outputs.answers import per_hour
 from flighttune.outputs.answers.answer import Column, Table, facts_table
@@ -15,6 +15,7 @@ from flighttune.outputs.answers.mission import terms_table
 from flighttune.outputs.answers.tables import gains_table
 from flighttune.outputs.pages.frame import sentence
 from flighttune.routes.maps import NOT_SEEN
+from flighttune.routes.volumes import CONTINGENCY
 
 VOLUME_COLUMNS = (
     Column("volume", "volume"),
@@ -75,7 +76,8 @@ def conditions(mission: MissionOdds) -> dict[str, str]:
         counted += f"; {len(mission.room.scores)} counted that turn back"
     hourly, of_hours = mission.per_hour, {}
     if hourly is not None:
-        of_hours["operational volume"] = "the fence" if about.fences else "the contingency volume"
+        inside = about.fences and bounded_by(about.fences[-1]) == CONTINGENCY
+        of_hours["operational volume"] = "the fence" if inside else "the contingency volume"
         if said := per_hour.endings(hourly):
             of_hours["endings"] = " ".join(said)
     return {

@@ -14,7 +14,8 @@ import flighttune as ft
 from flighttune.claims import mission
 from flighttune.outputs.answers import mission as answers
 from flighttune.outputs.answers.answer import Answer
-from flighttune.outputs.answers.band import answer, summary
+from flighttune.outputs.answers.band import answer, findings, lines
+from flighttune.outputs.answers.finding import PartFinding, headlines
 from flighttune.routes import maps
 
 HALF, MIDDLE = (5.0, 2.0), (-1.234, 0.567)
@@ -43,6 +44,10 @@ def fenced(band, east):
     area = {"type": "Polygon", "coordinates": [ring]}
     fence = {"type": "Feature", "properties": {}, "geometry": area}
     return replace(band, about=replace(band.about, fences=(fence,)))
+
+
+def summary(band, *room):
+    return [*headlines(findings(band)), *lines(band, *room)]
 
 
 def bound(outside, confidence):
@@ -148,25 +153,25 @@ def test_a_room_to_turn_back_shares_the_confidence_and_has_its_words(straight):
 def test_a_mission_fails_if_its_fence_or_its_target_per_hour_is_missed(
     straight, east, left, missed
 ):
-    band, said = fenced(straight, east), ["Yes: 0.1 an hour.", "The shares.", "Engines matter."]
-    hourly = SimpleNamespace(answer=lambda: Answer(summary=said, failure=missed))
-    whether, odds, wide, holds = summary(band)
+    band, said = fenced(straight, east), ["The shares.", "Engines matter."]
+    of_hours = [PartFinding(found="not met" if missed else "met", sentence="0.1/h.", reason=missed)]
+    hourly = SimpleNamespace(answer=lambda: Answer(findings=of_hours, lines=said))
+    _, odds, wide, holds = summary(band)
 
     counted = mission.MissionOdds(band=band, files={}, per_hour=hourly).answer()
 
     assert bool(counted.failure) == (left or bool(missed))
-    assert counted.failure == (answer(band).failure or missed)
-    first, shares, matters = said
-    lead = [whether, first, matters] if left else [first, matters, whether]
-    assert counted.summary == [*lead, shares, odds, wide, holds]
+    assert counted.failure == (missed or answer(band).failure)
+    assert counted.summary[0].startswith("No: " if left or missed else "Yes: ")
+    (shares, matters), n = said, len(counted.summary) - 5
+    assert counted.summary[n:] == [matters, shares, odds, wide, holds]
     # a terminal has the lead and what a flight is for, and of an answer that is no its odds
-    assert [line for line in counted.summary if line not in counted.aside] == (
-        [*lead, odds, holds] if left else [*lead, holds]
-    )
+    assert (odds in counted.aside) == (not left)
+    assert {shares, wide} <= {*counted.aside}
 
 
 def test_a_path_below_the_ground_is_a_no_beside_an_odds_that_holds(straight, monkeypatch):
-    faults = ["No: the planned path is below the ground."]
+    faults = ["the planned path is below the ground."]
     seen = mission.OverGround({"terrain": 1.0}, changed=["It is low."], faults=faults, notes=["n"])
     monkeypatch.setattr(answers, "over_ground", lambda *_: seen)
 
@@ -174,13 +179,15 @@ def test_a_path_below_the_ground_is_a_no_beside_an_odds_that_holds(straight, mon
     _, odds, wide, holds = summary(band)
     said = mission.MissionOdds(band=band, files={}, way="It is so.").answer()
 
-    assert said.summary == [faults[0], f"{odds} It is so.", wide, holds]
-    assert said.verdict == faults[0]
+    first, kept, *others = said.summary
+    assert first == f"No: {faults[0]}"
+    assert kept.startswith("The mission can be flown")
+    assert others == [f"{odds} It is so.", wide, holds]
+    assert said.verdict == first
     assert said.failure == "the path or its corridor is below the ground"
     assert answer(band).verdict in said.notes
     lost = mission.MissionOdds(band=fenced(straight, 3.9), files={}).answer()
-    assert lost.failure == answer(fenced(straight, 3.9)).failure
-    assert lost.summary[0] == faults[0]
+    assert lost.summary[0] == first
 
 
 def test_a_corridor_without_a_fence_has_odds_and_none_is_claimed_for_too_many_lost(straight):

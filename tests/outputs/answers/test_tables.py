@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from flighttune.outputs.answers.answer import TABLE_LINES, Answer, Column, Table, facts_table
+from flighttune.outputs.answers.finding import unmet
 
 WIDTHS = 120, 80, 48
 NUMBERS = ("ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ")
@@ -253,9 +254,9 @@ def test_a_table_leaves_out_empty_columns_but_for_the_first():
 def test_an_answer_in_json_has_its_sentences_values_and_files(tmp_path):
     table = Table((Column("a"),), [{"a": math.inf}], name="rows")
     answer = Answer(
-        summary=["Yes."], changed=["One change."], values={"x": math.nan, "y": 2.0},
+        lines=["Yes."], changed=["One change."], values={"x": math.nan, "y": 2.0},
         tables=[table, replace(table, name="")], notes=["A note."], command="flighttune x",
-        files={"page": tmp_path / "p.html"}, failure="It failed.",
+        files={"page": tmp_path / "p.html"}, findings=unmet("It failed."),
     )  # fmt: skip
 
     found = json.loads(answer.json())

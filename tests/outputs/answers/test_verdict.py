@@ -5,6 +5,7 @@ import json
 import pytest
 
 from flighttune.outputs.answers.answer import Answer
+from flighttune.outputs.answers.finding import unmet
 
 
 @pytest.mark.parametrize(
@@ -16,4 +17,4 @@ from flighttune.outputs.answers.answer import Answer
     ],
 )
 def test_an_answer_that_is_no_has_a_verdict(verdict, failure, said):
-    assert json.loads(Answer(verdict=verdict, failure=failure).json())["verdict"] == said
+    assert json.loads(Answer(verdict=verdict, findings=unmet(failure)).json())["verdict"] == said

@@ -175,6 +175,7 @@ def test_two_windows_move_each_for_itself(browser, page):
         assert float(second.run(f"document.getElementById('{K_P}').value")) == 1.6968
 
 
+OPACITY = "Number(getComputedStyle(document.querySelector('{}')).opacity)"
 VERDICT = "document.querySelector('#verdict').textContent"
 
 
@@ -190,9 +191,16 @@ def test_a_value_that_is_refused_says_why_and_the_page_goes_on(browser, page):
     with window(browser, page) as tab:
         set_value(tab, "flight.V_a_mps", 12.0)
         tab.until("/`V_a_mps` must lie in 15/.test(document.querySelector('#said').textContent)")
+        # nothing of the values before is left as an answer
+        assert not tab.run(f"/met/.test({VERDICT})")
+        assert tab.run("document.querySelector('#verdict .yes, #verdict .no')") is None
+        assert tab.run(OPACITY.format("#charts")) < 0.5
+        assert tab.run(OPACITY.format(".beside")) < 0.5
         set_value(tab, "flight.V_a_mps", 26.0)
         tab.until("/at 26 m.s/.test(document.querySelector('#about').textContent)", PATIENCE_S)
         assert said(tab) == ""
+        assert tab.run(f"/requirements? met/.test({VERDICT})")
+        assert tab.run(OPACITY.format("#charts")) == 1.0
 
 
 def test_a_law_that_raises_is_told(browser, tmp_path):
