@@ -30,12 +30,14 @@ def test_the_bound_is_rates_times_shares_over_hours():
 
     alpha = 0.05 / 5  # healthy flights, shortest, longest, two faults
     odd = clopper_pearson(0, 500, alpha)
-    hours = (1.0 - odd) * 0.5
+    # Half an hour, or until the first fault: the mean of min(0.5, t) over an exponential t.
+    hours = (1.0 - odd) * (1.0 - np.exp(-0.5 * 1.2e-3)) / 1.2e-3
     terms = [
         rate * (0.6 * clopper_pearson(k, n, alpha) + odd) / hours
         for rate, k, n in [(1e-3, 4, 100), (2e-4, 0, 60)]
     ]
-    several = 0.5 * 1.2e-3**2 * (0.36 + odd) / hours
+    # The first fault within 0.6 h, or 1 h of few flights, and the second within 1 h.
+    several = 1.2e-3**2 * (0.6 * (1.0 - 0.3) + odd * 0.5) / hours
     assert bound.faults == pytest.approx(terms, rel=ROUNDING)
     assert bound.healthy == pytest.approx(clopper_pearson(1, 500, alpha) / hours, rel=ROUNDING)
     assert bound.several == pytest.approx(several, rel=ROUNDING)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from flighttune.base.words import pick
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.per_hour import PerHour
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import Verified, stale_notes
 from flighttune.outputs.answers.answer import Answer, Column, Table
@@ -22,7 +23,8 @@ def answer(verified: Verified) -> Answer:
     notes = *verified.verification.notes, *claim.notes
     place = f"{verified.source}: " if verified.source else ""
     title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
-    short = [f"{title}.", *claim.summary] if valid and claim.summary else []
+    about = value.about if isinstance(value, PerHour) else []
+    short = [f"{title}.", *about, *claim.summary] if valid and claim.summary else []
     # All inclusions of a tube are exact.
     shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
     lacks = kind if verified.verification.checked else "checked"
