@@ -24,7 +24,7 @@ class Opened(NamedTuple):
     """What a file of a claim has: a JSON object, and the arrays beside it in an archive."""
 
     tables: dict[str, Any]
-    arrays: dict[str, np.ndarray]
+    arrays: dict[str, Any]
     member: str  # name of the object in an archive; empty for a file that it is alone
     comment: bytes  # of the archive
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -22,6 +22,9 @@ from flighttune.routes.volumes import rings_around
 
 # Time between the samples at which a flight is looked at, s.
 LOOKED_AT_S = 0.1
+
+# Areas of a fence.
+GeoJSON: TypeAlias = dict[str, Any]
 
 # Value of a time that does not occur.
 NEVER = -1.0

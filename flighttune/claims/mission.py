@@ -26,7 +26,7 @@ from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
 from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
 from flighttune.claims.hourly_flights import check_rates
-from flighttune.claims.leaving import Alarms, Around
+from flighttune.claims.leaving import SAME_M, Alarms, Around
 from flighttune.claims.per_hour import PerHour, count_per_hour
 from flighttune.claims.rates_keys import RatesTable, load_rates
 from flighttune.claims.turn_back import TurnBack
@@ -424,7 +424,10 @@ def check_hours(hourly: PerHour, file: Path) -> str:
         return f"The width and height of its volume are the maker's: {NO_COUNTS}."
     counts = [load_one(x, "band file", BAND) for x in beside]
     again = around_of(MissionOdds(band=counts[0], room=counts[1], files={}))
-    if again != hourly.around:
+    stated = hourly.around
+    if stated is None or not np.allclose(
+        (stated.width_m, stated.high_m), (again.width_m, again.high_m), rtol=0.0, atol=SAME_M
+    ):
         raise InputError(
             f"`around` must be the contingency volume of {band.name}, {again.width_m:.12g} m wide "
             f"to each side and {again.high_m:.12g} m high, got another one."

@@ -31,7 +31,7 @@ from flighttune.claims.band import KEPT
 from flighttune.claims.counted import flights_sentence
 from flighttune.claims.counted_flights import distribution_of, plan_in
 from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights, check_rates, hourly_plan
-from flighttune.claims.leaving import Alarms, Around, Volume
+from flighttune.claims.leaving import Alarms, Around, GeoJSON, Volume
 from flighttune.claims.rates_keys import MANOEUVRES, RatesTable
 from flighttune.claims.unfinished import written_at
 from flighttune.claims.unfinished_hours import KeptTerms
@@ -83,7 +83,7 @@ class PerHour(Answering):
     terms: tuple[FlownTerm, ...]
     alarms: Alarms | None = None
     later: tuple[FlownTerm, ...] = ()
-    fence: dict[str, Any] | None = None
+    fence: GeoJSON | None = None
     around: Around | None = None
 
     kind: ClassVar[str] = "counted"
@@ -264,8 +264,9 @@ class PerHour(Answering):
     def verify(self, count: int | None, fliers: Fliers) -> Verification:
         """Repeat `count` random flights of each term with JSBSim, and compare all their numbers.
 
-        By default so many that a forgery which doubles the bound of a term is missed with a chance
-        of at most `MISSED`, and at least `AGAIN`. Before, the volume is derived again, and the times of all flights are checked.
+        By default at least `AGAIN`, and so many that a forgery which doubles the bound of a term is
+        missed with a chance of at most `MISSED`. Before, the volume is derived again, and the times
+        of all flights are checked.
         """
         rng, notes = np.random.default_rng(), []
         terms = (*self.terms, *self.later)
@@ -319,7 +320,7 @@ def load_per_hour(path: str | Path) -> PerHour:
     return hourly
 
 
-def volume_of(plan: Plan, fence: dict[str, Any] | None, around: Around | None) -> Volume:
+def volume_of(plan: Plan, fence: GeoJSON | None, around: Around | None) -> Volume:
     """The volume of a mission: the inside of a fence, else the room around its route."""
     central = plan.campaign.central
     where = planned_route(central).where
@@ -345,7 +346,7 @@ def count_per_hour(
     plan: Plan,
     rates: RatesTable,
     *,
-    fence: dict[str, Any] | None = None,
+    fence: GeoJSON | None = None,
     around: Around | None = None,
     alarms: Alarms | None = None,
     confidence: float,

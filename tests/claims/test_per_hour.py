@@ -2,6 +2,7 @@
 
 import math
 import re
+import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import get_args
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from flown_campaigns import flown_here
 from forging import Opened
+from made_up_band import count_of
 from made_up_hours import SHORT, fence_around, made_up_hours, short_plan
 from scipy import stats
 
@@ -19,7 +21,9 @@ from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting, hourly_flights, mission, per_hour, rates_keys
+from flighttune.claims.counted_flights import turning_back
 from flighttune.claims.leaving import NEVER, Alarms, Left, Volume
+from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.route import planned_route
 from flighttune.gaps.watch import SignalModel
 from flighttune.outputs.answers import per_hour as answers
@@ -360,6 +364,56 @@ def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hol
     for lacking in ({"band": replaced(band)}, {"room": replaced(room)}, {"room": None}):
         with pytest.raises(ft.InputError, match="none is claimed by its count"):
             mission.around_of(SimpleNamespace(**{**vars(odds), **lacking}))
+
+
+@pytest.fixture(scope="module")
+def in_its_room(tmp_path_factory):
+    """The files of a mission without a fence, with counts that are made up: band, room, hours."""
+    folder, plan = tmp_path_factory.mktemp("room"), short_plan()
+
+    def made_up(kind, plan, away):
+        measured, few = kind.measures.chosen(plan, None), {"epsilon": 0.3, "confidence": 0.9}
+        return count_of(kind, plan.with_runs(17), measured, away, np.ones(7), **few)
+
+    band = made_up(ft.Band, plan, [5.0, 2.0])
+    room = made_up(TurnBack, turning_back(plan, 30.0), [90.0, 3.4])
+    around = mission.around_of(mission.MissionOdds(band=band, room=room, files={}))
+    plan = hourly_flights.hourly_plan(plan)
+    hourly = replace(
+        made_up_hours(40.0), fence=None, around=around,
+        volume=per_hour.volume_of(plan, None, around),
+    )  # fmt: skip
+    band.save(folder / "band.npz")
+    room.save(folder / "band-turn-back.npz")
+    hourly.save(folder / "band-per-hour.json")
+    return folder / "band-per-hour.json"
+
+
+def test_a_contingency_volume_is_that_of_the_counts_beside_its_file(in_its_room, tmp_path):
+    """The corridor of 5 m and the room of 90 m to each side; another width is refused."""
+    hourly = ft.load(in_its_room)
+
+    assert hourly.around.width_m == pytest.approx(95.0, abs=1.0)  # whole metres
+    hourly.check_volume()
+    assert mission.check_hours(hourly, in_its_room) == ""
+    wide = replace(hourly.around, width_m=400.0)
+    volume = per_hour.volume_of(hourly.flights, None, wide)
+    wide = replace(hourly, around=wide, volume=volume)
+    wide.check_volume()
+    with pytest.raises(ft.InputError, match=r"contingency volume of band\.npz, 9[56] m"):
+        mission.check_hours(wide, in_its_room)
+    wide.save(in_its_room.with_name("other-per-hour.json"))
+    assert "are the maker's" in mission.check_hours(wide, tmp_path / "other-per-hour.json")
+    wide.save(tmp_path / "band-per-hour.json")
+    for name in ("band.npz", "band-turn-back.npz"):
+        shutil.copy(in_its_room.with_name(name), tmp_path / name)
+    verified = ft.verify(tmp_path / "band-per-hour.json")
+    assert not verified.valid
+    assert "`around` must be" in verified.reason
+    with pytest.raises(ft.InputError, match=r"`volume` must be that of the fence or the room"):
+        replace(hourly, volume=volume).check_volume()
+    with pytest.raises(ft.InputError, match=r"`fence` or `around` must say"):
+        replace(hourly, around=None).check_volume()
 
 
 def replaced(count):

@@ -5,6 +5,7 @@ The seal is the SHA-256 of all other bytes of the file. Archives of claims have 
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -43,7 +44,7 @@ def read(path: str | Path, kind: type[C]) -> C:
         return table.value_of(current(tables, kind), kind)
 
 
-def current(tables: dict[str, Any], kind: type[Claim]) -> dict[str, Any]:
+def current(tables: Mapping[str, Any], kind: type[Claim]) -> Mapping[str, Any]:
     """The tables of a claim in the format of today, which differs from `UNSEALED` by the seal."""
     if kind.UNSEALED and tables.get("format") == kind.UNSEALED:
         return {**tables, "format": kind.FORMAT}
