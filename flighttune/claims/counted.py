@@ -39,7 +39,7 @@ SAME_GAINS = 1e-6
 LAST_QUARTER = 0.75
 
 
-def _flown(scenario: Scenario, plant: str, gains_name: str) -> str:
+def flown_words(scenario: Scenario, plant: str, gains_name: str) -> str:
     """Plant and law in words, by their kinds."""
     table, law = scenario.plant_table(plant), scenario.law_table(gains_name)
     return f"{plant_label(table.kind, table.aircraft)} under the {law.kind} law"
@@ -53,7 +53,7 @@ def flights_sentence(
     if scenario.plant_table(plant).name:
         names["plant"] = plant
     said = listed([f"the {what} {quoted(name)}" for what, name in names.items()])
-    flown = _flown(scenario, plant, gains_name)
+    flown = flown_words(scenario, plant, gains_name)
     return f"{distribution.sentence(flown)}; its maker calls {said}"
 
 
@@ -81,7 +81,7 @@ class BandFlights:
     @property
     def flown(self) -> str:
         """Plant and law in words, by their kinds."""
-        return _flown(self.scenario, self.plant, self.gains_name)
+        return flown_words(self.scenario, self.plant, self.gains_name)
 
     @property
     def sentence(self) -> str:

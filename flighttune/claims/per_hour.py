@@ -30,6 +30,7 @@ from flighttune.claims.about import Probability
 from flighttune.claims.band import KEPT
 from flighttune.claims.counted import flights_sentence
 from flighttune.claims.counted_flights import distribution_of, plan_in
+from flighttune.claims.distribution import Distribution
 from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights, check_rates, hourly_plan
 from flighttune.claims.leaving import Alarms, Around, GeoJSON, Volume
 from flighttune.claims.rates_keys import MANOEUVRES, RatesTable
@@ -144,6 +145,12 @@ class PerHour(Answering):
         """The plan of the flights without a fault."""
         return plan_in(self.plan)
 
+    @cached_property
+    def distribution(self) -> Distribution:
+        """The distribution of the flights."""
+        (group,) = self.flights.groups
+        return distribution_of(self.flights.campaign, group.plant)
+
     @property
     def ends(self) -> Ends:
         """Which flights are ended, when and how."""
@@ -232,8 +239,7 @@ class PerHour(Answering):
         plan = self.flights
         (group,), (_, (lat, lon), height) = plan.groups, planned_route(plan.campaign.central).where
         what = "a fence" if self.fence is not None else "the contingency volume of its mission"
-        distribution = distribution_of(plan.campaign, group.plant)
-        flown = flights_sentence(distribution, plan.scenario, *group)
+        flown = flights_sentence(self.distribution, plan.scenario, *group)
         alarms = "" if self.alarms is None else f"; alarms {hash_of(asdict(self.alarms))[:12]}"
         return [
             f"The volume is {what}: {self.volume.words}, which is at {lat:.6f}, {lon:.6f} deg and "
