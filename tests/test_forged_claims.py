@@ -18,7 +18,8 @@ from made_up_band import count_of
 from made_up_hours import SHORT, fence_around, hours_flown, made_up_hours
 
 import flighttune as ft
-from flighttune.base.files.load import CLAIMS
+from flighttune.base.files.load import CAMPAIGN, CLAIMS
+from flighttune.campaigns.dataset import Dataset
 from flighttune.claims.about import KINDS as COUNTS
 from flighttune.claims.counted_flights import turning_back
 from flighttune.claims.turn_back import TurnBack
@@ -157,6 +158,19 @@ def test_a_file_without_its_seal_is_not_taken_for_an_old_one(made, tmp_path):
     whole.write(path := tmp_path / file.name, anew=False)
 
     assert believed(path) is None
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_the_plan_of_a_campaign_that_was_edited_is_refused(number, tmp_path):
+    Dataset(tmp_path, small_plan(), {}).write_plan()
+    file = tmp_path / CAMPAIGN
+    whole = Opened.of(file)
+    ft.load(tmp_path)
+    for changed, place in several(([whole, whole], file), random.Random(SEED), number):
+        changed.write(file, anew=False)
+
+        with pytest.raises(ft.InputError):
+            pytest.fail(f"{place} is believed: {ft.load(tmp_path)}")
 
 
 # What a forger of hours can change who makes the SHA-256 anew. Declarations and choices are told
