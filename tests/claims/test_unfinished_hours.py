@@ -70,7 +70,7 @@ class MadeUp:
         times = np.random.default_rng(runs).uniform(20.0, 24.0, (len(runs), 2)).tolist()
         return [
             leaving.Left(left if late and run % 3 == 0 else leaving.NEVER, end, leaving.NEVER, 0.0)
-            for run, (left, end) in zip(runs, times, strict=True)
+            for run, (left, end) in zip(runs, map(sorted, times), strict=True)
         ]
 
 
