@@ -277,6 +277,7 @@ class PerHour(Answering):
         rng, notes = np.random.default_rng(), []
         terms = (*self.terms, *self.later)
         try:
+            check_rates(self.flights, self.table)
             self.check_volume()
             for term in terms:
                 self.flights_of(term).check_times(term)
@@ -319,7 +320,7 @@ def load_per_hour(path: str | Path) -> PerHour:
     """Read a claim per flight hour; its bound is computed again from its counts."""
     hourly = read(path, PerHour)
     with naming(path, ScenarioError):
-        check_rates(hourly.flights, hourly.table)
+        hourly.distribution  # noqa: B018 - this refuses a wrong plan
         if (hourly.alarms is None) != (hourly.table.ending.monitor is None):
             raise InputError("`alarms` must be given with a `monitor` in `rates`, and only then.")
         check_positive(bound=hourly.bound.total)  # or its times are refused
