@@ -8,6 +8,7 @@ import numpy as np
 from made_up import made_up_scenario
 
 import flighttune as ft
+from flighttune.base.files.array import write_sealed
 from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.enclosure import Settings
 from flighttune.flight import conditions
@@ -133,9 +134,9 @@ def claim_of(path):
 
 
 def rewritten(path, arrays, to=None, **claim):
-    """The file with other arrays (None for no array) and other entries of the claim."""
+    """The file with other arrays (None for none), other entries of the claim, and its seal anew."""
     content = arrays_of(path)
     content["claim"] = np.array(json.dumps({**claim_of(path), **claim}))
     content = {name: array for name, array in (content | arrays).items() if array is not None}
-    np.savez_compressed(to or path, **content)
+    write_sealed(to or path, content)
     return to or path

@@ -18,6 +18,7 @@ from made_up_band import counted_boxes
 from made_up_tubes import aircraft_scenario, all_stay, arrays_of, tube, tube_scenario
 
 import flighttune as ft
+from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
 from flighttune.claims.tubes.enclosure import load_tube
 
@@ -130,7 +131,7 @@ def forge_proof(path, draw):
         arrays[name].flat[at] = not arrays[name].flat[at]
     else:
         arrays[name] = changed_rows(arrays[name], draw).astype(arrays[name].dtype)
-    np.savez(path, **arrays)
+    write_sealed(path, arrays)
 
 
 def no_flight_leaves(path, _):

@@ -39,6 +39,24 @@ SAME_GAINS = 1e-6
 LAST_QUARTER = 0.75
 
 
+def flown_words(scenario: Scenario, plant: str, gains_name: str) -> str:
+    """Plant and law in words, by their kinds."""
+    table, law = scenario.plant_table(plant), scenario.law_table(gains_name)
+    return f"{plant_label(table.kind, table.aircraft)} under the {law.kind} law"
+
+
+def flights_sentence(
+    distribution: Distribution, scenario: Scenario, plant: str, gains_name: str
+) -> str:
+    """Flights of a distribution in words, with names by their maker in quotation marks."""
+    names = {"flights": distribution.title, "gains": gains_name}
+    if scenario.plant_table(plant).name:
+        names["plant"] = plant
+    said = listed([f"the {what} {quoted(name)}" for what, name in names.items()])
+    flown = flown_words(scenario, plant, gains_name)
+    return f"{distribution.sentence(flown)}; its maker calls {said}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BandFlights:
     """The flights of a band and its windows, which follow from its plan and are not in its file."""
@@ -63,17 +81,12 @@ class BandFlights:
     @property
     def flown(self) -> str:
         """Plant and law in words, by their kinds."""
-        table, law = self.scenario.plant_table(self.plant), self.scenario.law_table(self.gains_name)
-        return f"{plant_label(table.kind, table.aircraft)} under the {law.kind} law"
+        return flown_words(self.scenario, self.plant, self.gains_name)
 
     @property
     def sentence(self) -> str:
         """The flights in words, with names by their maker in quotation marks."""
-        names = {"flights": self.distribution.title, "gains": self.gains_name}
-        if self.scenario.plant_table(self.plant).name:
-            names["plant"] = self.plant
-        said = listed([f"the {what} {quoted(name)}" for what, name in names.items()])
-        return f"{self.distribution.sentence(self.flown)}; its maker calls {said}"
+        return flights_sentence(self.distribution, self.scenario, self.plant, self.gains_name)
 
     @property
     def gains_notes(self) -> tuple[str, ...]:

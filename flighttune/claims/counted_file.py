@@ -43,13 +43,13 @@ def load_counted(path: str | Path) -> Counted:
         )
     if about.fences:
         draws = counted.draws.tolist()  # a continued count has more flights than planned
-        check_one_path(plan_in(about).with_runs(draws[-1] + 1), draws)
+        check_one_path(plan_in(about.plan).with_runs(draws[-1] + 1), draws)
     return counted
 
 
 def _flights(about: About) -> BandFlights:
     """The flights of a count, which follow from its plan."""
-    plan = plan_in(about)
+    plan = plan_in(about.plan)
     first = plan.runs - about.learned
     if not 1 <= first <= MAX_NUMBERS:
         raise InputError(f"`plan.runs` must be 1 to {MAX_NUMBERS} more than `learned`.")

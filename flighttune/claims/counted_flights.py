@@ -1,7 +1,7 @@
 """Flights of a campaign for a count: independent draws, in one air, or turning back."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from flighttune.campaigns.planning.draws import dispersed_places
 from flighttune.campaigns.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.campaigns.planning.schema import Campaign, Choice, Dispersion, Grid, Uniform
 from flighttune.campaigns.planning.source import campaign_on
-from flighttune.claims.about import About, Over
+from flighttune.claims.about import Over
 from flighttune.claims.counted import BandFlights, Counted, other_files
 from flighttune.claims.distribution import AIRSPEEDS, STARTS, Distribution, flown_values, spread
 from flighttune.claims.measured import Measured
@@ -172,20 +172,20 @@ def flights_of(plan: Plan, measured: Measured, flights: int) -> BandFlights:
 
 def plan_of(band: Counted) -> Plan:
     """The plan of a count; InputError if the files of an aircraft have changed since then."""
-    plan = plan_in(band.about)
+    plan = plan_in(band.about.plan)
     if plan.aircraft != aircraft_hashes(plan.scenario):
         raise other_files(plan.aircraft)
     return plan.with_runs(int(band.draws[-1]) + 1)
 
 
-def plan_in(about: About) -> Plan:
-    """The plan in a band file; its scenario at the median is computed again."""
+def plan_in(tables: Mapping[str, Any]) -> Plan:
+    """The plan in the file of a count; its scenario at the median is computed again."""
     try:
-        plan = plan_from(about.plan, "`plan`")
+        plan = plan_from(tables, "`plan`")
         campaign = campaign_on(plan.campaign, plan.scenario, "`plan`")
         (group,) = plan.groups
         plan.chosen_group(group.plant, group.gains)  # this refuses unknown gains
-        if not isinstance(plan.runs, int) or "seed" not in about.plan["campaign"]:
+        if not isinstance(plan.runs, int) or "seed" not in tables["campaign"]:
             raise InputError("`plan` must be that of a campaign, with its seed and whole `runs`.")
     except InputError:
         raise

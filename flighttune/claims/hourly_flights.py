@@ -53,6 +53,13 @@ class FlownTerm:
     def __post_init__(self) -> None:
         if not len(self.left_s) == len(self.end_s) == len(self.ended_at_s):
             raise InputError("`terms` must have three times of each flight.")
+        times = zip(self.left_s, self.end_s, self.ended_at_s, strict=True)
+        for run, (left, end, ended_at) in enumerate(times):
+            if not all(x == NEVER or 0.0 <= x <= end for x in (left, ended_at)):
+                raise InputError(
+                    f"`terms` must have times of leaving and of ending that are {NEVER:g} or in a "
+                    f"flight of {end:g} s, got {left:g} and {ended_at:g} of flight {run}."
+                )
 
     def __len__(self) -> int:
         return len(self.left_s)
@@ -127,6 +134,31 @@ class TermFlights:
     plan: Plan
     leaving: Leaving
 
+    def check_times(self, term: FlownTerm) -> None:
+        """Refuse times that cannot be those of the flights of this plan, without flying any."""
+        end, stated = np.array(term.end_s), np.array(term.ended_at_s)
+        if (late := end > self.plan.scenario.flight.duration_s).any():
+            raise InputError(
+                f"`end_s` must be at most {self.plan.scenario.flight.duration_s:g} s, got "
+                f"{end[late][0]:g} of flight {int(late.argmax())}."
+            )
+        after, planned = self.leaving.after_s, np.full(len(term), np.inf)
+        if after is not None:
+            planned = self.plan.with_runs(len(term)).parameters()[self._from_s] + after
+        # An alarm ends a flight before that time, or one that nothing else ends.
+        alarmed = self.leaving.alarms is not None and stated != NEVER
+        planned = np.where(alarmed & (stated < planned), stated, planned)
+        if (wrong := stated != np.where(planned > end, NEVER, planned)).any():
+            raise InputError(
+                f"`ended_at_s` must be the declared time after the fault that is drawn, got "
+                f"{stated[wrong][0]:g} s of flight {int(wrong.argmax())}."
+            )
+
+    @property
+    def _from_s(self) -> str:
+        """Key of the time of the fault."""
+        return OF_RECEIVER if OF_RECEIVER in self.plan.keys else OF_AIRFRAME
+
     def flown(
         self, pool: WorkerPool, runs: Sequence[int], doing: str, *, again: bool = False
     ) -> list[Left]:
@@ -140,9 +172,8 @@ class TermFlights:
         if self._known_before:
             after = self.leaving.after_s
             assert after is not None  # no alarm ends these flights
-            from_s = OF_RECEIVER if OF_RECEIVER in plan.keys else OF_AIRFRAME
             values = [plan.values_of(run) for run in range(plan.runs)]
-            values = [{**x, ENDED_S: x[from_s] + after} for x in values]
+            values = [{**x, ENDED_S: x[self._from_s] + after} for x in values]
             return [*self._flown(pool, plan, runs, doing, values, again=again).values()]
         flown = self._flown(pool, plan, runs, doing, again=again)
         if to_end := self._to_end(flown):

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -11,17 +11,34 @@ import shapely
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import STRICT
+from flighttune.base.words import listed
 from flighttune.claims.rates_keys import DOWN, EndingTable, HowEnded
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.watch import SignalModel, Watch
 from flighttune.routes.fence import Fence
+from flighttune.routes.maps import Where
+from flighttune.routes.volumes import rings_around
 
 # Time between the samples at which a flight is looked at, s.
 LOOKED_AT_S = 0.1
 
+# Areas of a fence.
+GeoJSON: TypeAlias = dict[str, Any]
+
 # Value of a time that does not occur.
 NEVER = -1.0
+
+# Tolerance for the rounding of places of a volume on other machines, m.
+SAME_M = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Around:
+    """The contingency volume of a mission: how far it reaches from the route."""
+
+    width_m: float  # to each side, and around both ends
+    high_m: float  # over ground
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +57,47 @@ class Volume:
         low, high = (float(x) if math.isfinite(x) else None for x in (fence.low, fence.high))
         return cls(rings=rings, outside=tuple(map(bool, fence.outside)), low=low, high=high)
 
+    @classmethod
+    def around(cls, where: Where, ground_m: float, around: Around) -> "Volume":
+        """The volume around a route, above the ground at a height above sea level."""
+        rings = rings_around(where[0], around.width_m)
+        return cls(
+            rings=tuple(tuple((n, e) for n, e in ring.tolist()) for ring in rings),
+            outside=(False, *(True for _ in rings[1:])),
+            low=None,
+            high=around.high_m + ground_m - where[2],
+        )
+
+    def differs(self, other: "Volume") -> bool:
+        """Whether volumes differ by more than the rounding of their places."""
+        shapes, numbers = zip(*(volume.parts for volume in (self, other)), strict=True)
+        return shapes[0] != shapes[1] or not np.allclose(*numbers, rtol=0.0, atol=SAME_M)
+
+    @property
+    def parts(self) -> tuple[Any, FloatArray]:
+        """Its shape, and all its lengths in m."""
+        ends = [x for x in (self.low, self.high) if x is not None]
+        shape = self.outside, [*map(len, self.rings)], self.low is None, self.high is None
+        return shape, np.concatenate([*map(np.ravel, self.rings), ends])
+
+    @property
+    def words(self) -> str:
+        """Its size, and where it is from the start."""
+        shapes = [*zip(self.rings, self.outside, strict=True)]
+        corners = [corner for ring, outside in shapes if not outside for corner in ring]
+        if not corners:
+            return "all but the areas to stay out of"
+        (south, west), (north, east) = np.min(corners, axis=0), np.max(corners, axis=0)
+        sides = [
+            f"{_way(south, 'north', 'south')} to {_way(north, 'north', 'south')}",
+            f"{_way(west, 'east', 'west')} to {_way(east, 'east', 'west')} of the start",
+        ]
+        low = "the ground" if self.low is None else f"{self.low:.1f} m above the start"
+        high = "any height" if self.high is None else f"{self.high:.1f} m above the start"
+        less = f" without {sum(self.outside)} areas in it" if any(self.outside) else ""
+        size = f"{north - south:.0f} m by {east - west:.0f} m"
+        return f"{size}{less} ({listed(sides)}), from {low} to {high}"
+
     def margins(self, places: FloatArray) -> FloatArray:
         """Distances inside the sides, the top and the floor, shape (places, 3), m; negative out."""
         points = np.asarray(shapely.points(places[:, :2]))
@@ -52,6 +110,11 @@ class Volume:
         top = np.full(len(places), np.inf) if self.high is None else self.high - places[:, 2]
         floor = np.full(len(places), np.inf) if self.low is None else places[:, 2] - self.low
         return np.column_stack([beside, top, floor])
+
+
+def _way(metres: float, ahead: str, back: str) -> str:
+    """A distance and its direction."""
+    return f"{abs(metres):.0f} m {ahead if metres >= 0.0 else back}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, Unpack
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
 from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
 from flighttune.claims.hourly_flights import check_rates
-from flighttune.claims.leaving import Alarms, Volume
+from flighttune.claims.leaving import SAME_M, Alarms, Around
 from flighttune.claims.per_hour import PerHour, count_per_hour
 from flighttune.claims.rates_keys import RatesTable, load_rates
 from flighttune.claims.turn_back import TurnBack
@@ -39,7 +39,7 @@ from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes import maps
 from flighttune.routes.fence import Beyond, Fence, fence_tables, own_fence, read_fence
-from flighttune.routes.volumes import CONTINGENCY, GEOGRAPHY, VolumesMap, are_in, rings_around
+from flighttune.routes.volumes import CONTINGENCY, GEOGRAPHY, VolumesMap, are_in
 
 # Default epsilon, confidence and number of learning flights.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.95, 30
@@ -68,6 +68,12 @@ A_MONITOR = "monitor counted on flights of the aircraft (flighttune monitor MISS
 
 # Epsilon and confidence of a claim.
 Odds: TypeAlias = tuple[float, float]
+
+# Ending of the name of a file of exits per flight hour, after that of the band's file
+HOURLY = "-per-hour.json"
+
+# Words for a file of them that is alone
+NO_COUNTS = "the files of its band and of its room to turn back are not beside it"
 
 # Number of trial values for a path inside its fence, and the lowest airspeed as a share.
 TRIED, SLOWEST = 8, 0.4
@@ -199,7 +205,7 @@ class FilesBeside(NamedTuple):
 
 def per_hour_beside(band: Path) -> Path:
     """File of the exits per flight hour, beside the band's file."""
-    return Path(f"{band.with_suffix('')}-per-hour.json")
+    return Path(f"{band.with_suffix('')}{HOURLY}")
 
 
 def _remove_beside(band: Path) -> None:
@@ -403,7 +409,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             rate = count_per_hour(
                 flown.plan,
                 declared,
-                _operational_volume(odds, areas, fence),
+                **_volume_of(odds, areas),
                 alarms=alarms,
                 confidence=CONFIDENCE if confidence is None else confidence,
                 unfinished=None if near is None else unfinished_beside(per_hour_beside(near)),
@@ -460,22 +466,48 @@ def _alarms(
     return Alarms.of(watch)
 
 
-def _operational_volume(odds: MissionOdds, areas: dict[str, Any], fence: Path) -> Volume:
-    """The fence of an operational volume, else the contingency volume around the route."""
-    where = odds.band.flights.route.where
+class VolumeOf(TypedDict):
+    """What the operational volume of a claim per flight hour is derived from."""
+
+    fence: dict[str, Any] | None
+    around: Around | None
+
+
+def _volume_of(odds: MissionOdds, areas: dict[str, Any]) -> VolumeOf:
+    """The operational volume: its fence, or else the contingency volume around the route."""
     if areas and bounded_by(areas) == CONTINGENCY:
-        return Volume.of(read_fence(fence, where[1], areas))
+        return {"fence": areas, "around": None}
+    return {"fence": None, "around": around_of(odds)}
+
+
+def around_of(odds: MissionOdds) -> Around:
+    """The contingency volume of a mission; InputError if its counts claim none."""
     if odds.room is None or not (odds.room.claims and odds.band.claims):
         raise InputError("rates per hour must be with a volume, but none is claimed by its count.")
-    around = odds.room.volumes(odds.band)[CONTINGENCY]
-    rings = rings_around(where[0], around.width)
-    ground = odds.band.flights.central.flight.ground_m
-    return Volume(
-        rings=tuple(tuple((n, e) for n, e in ring.tolist()) for ring in rings),
-        outside=(False, *(True for _ in rings[1:])),
-        low=None,
-        high=around.high + ground - where[2],
-    )
+    volume = odds.room.volumes(odds.band)[CONTINGENCY]
+    return Around(width_m=volume.width, high_m=volume.high)
+
+
+def check_hours(hourly: PerHour, file: Path) -> str:
+    """Compare a contingency volume with the counts beside its file; a note if there are none.
+
+    InputError if they differ.
+    """
+    band = Path(f"{str(file).removesuffix(HOURLY)}.npz")
+    beside = band, FilesBeside.of(band).room
+    if not (str(file).endswith(HOURLY) and all(x.exists() for x in beside)):
+        return f"The width and height of its volume are the maker's: {NO_COUNTS}."
+    counts = [load_one(x, "band file", BAND) for x in beside]
+    again = around_of(MissionOdds(band=counts[0], room=counts[1], files={}))
+    stated = hourly.around
+    if stated is None or not np.allclose(
+        (stated.width_m, stated.high_m), (again.width_m, again.high_m), rtol=0.0, atol=SAME_M
+    ):
+        raise InputError(
+            f"`around` must be the contingency volume of {band.name}, {again.width_m:.12g} m wide "
+            f"to each side and {again.high_m:.12g} m high, got another one."
+        )
+    return ""
 
 
 def _counted_room(

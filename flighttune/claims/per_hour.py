@@ -1,8 +1,7 @@
 """Exits from a volume per flight hour: declared rates of faults times counted flights."""
 
-import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -11,22 +10,35 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.errors import InputError, keeping
+from flighttune.base.arrays import check_positive
+from flighttune.base.errors import InputError, ScenarioError, keeping, naming
 from flighttune.base.files import code
-from flighttune.base.files.table import STRICT, read, validated, write
-from flighttune.base.words import at_most, confidence_text
+from flighttune.base.files.claim import read, write
+from flighttune.base.files.table import STRICT, hash_of, validated
+from flighttune.base.words import at_most, confidence_text, listed, quoted
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.planning.plan import Plan, aircraft_hashes, plan_from
-from flighttune.campaigns.statistics.count import chance_missed, flights_again, flights_needed
+from flighttune.campaigns.planning.plan import Plan, aircraft_hashes
+from flighttune.campaigns.statistics.count import (
+    chance_missed,
+    flights_again,
+    flights_needed,
+    forged_and_again,
+)
 from flighttune.campaigns.statistics.per_hour import Count, Exposure, HourlyBound, hourly_bound
 from flighttune.claims.about import Probability
+from flighttune.claims.band import KEPT
+from flighttune.claims.counted import flights_sentence
+from flighttune.claims.counted_flights import distribution_of, plan_in
+from flighttune.claims.distribution import Distribution
 from flighttune.claims.hourly_flights import Ends, FlownTerm, TermFlights, check_rates, hourly_plan
-from flighttune.claims.leaving import Alarms, Volume
-from flighttune.claims.rates_keys import RatesTable
+from flighttune.claims.leaving import Alarms, Around, GeoJSON, Volume
+from flighttune.claims.rates_keys import MANOEUVRES, RatesTable
 from flighttune.claims.unfinished import written_at
 from flighttune.claims.unfinished_hours import KeptTerms
 from flighttune.control.theory.exact import Verification
+from flighttune.flight.route import planned_route
+from flighttune.routes.fence import read_fence
 
 # Times since a fault at which flights are ended to find the latest, s, in rising order.
 LATER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 60.0)
@@ -35,8 +47,8 @@ LATER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 60.0)
 # bounded: in a strong tail wind or lost at the start, and where false alarms end flights early.
 SHORTER, SHORTER_BY_ALARMS = 0.01, 0.05
 
-# Share of the confidence's complement, and epsilon, of flights that a check repeats.
-AGAIN = 0.05
+# Least number of flights of a term that a check repeats, as of a band at 5 %.
+AGAIN = flights_again(0.05)
 
 # Flights of each term that left the volume and that JSBSim flies again while they are counted.
 EXITS_AGAIN = 10
@@ -62,6 +74,10 @@ class PerHour(Answering):
         The flights without a fault, then those with each fault.
     later : tuple of FlownTerm
         Flights with the fault of the largest term, ended at other times, in rising order.
+    fence : dict or None
+        The fence whose inside is the volume, as GeoJSON.
+    around : Around or None
+        Without a fence: the contingency volume of the mission, which is the volume.
     """
 
     rates: dict[str, Any]
@@ -71,10 +87,13 @@ class PerHour(Answering):
     terms: tuple[FlownTerm, ...]
     alarms: Alarms | None = None
     later: tuple[FlownTerm, ...] = ()
+    fence: GeoJSON | None = None
+    around: Around | None = None
 
     kind: ClassVar[str] = "counted"
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune flight hours 1"
+    FORMAT: ClassVar[str] = "flighttune flight hours 2"
+    UNSEALED: ClassVar[str] = ""  # a file of flighttune 0.5.0 does not say what it is about
     UNITS: ClassVar[Mapping[str, str]] = {"volume": "m"}
 
     def __post_init__(self) -> None:
@@ -108,7 +127,37 @@ class PerHour(Answering):
             cap_s=float(self.plan["nominal"]["flight"]["duration_s"]),
             flights=len(end),
             shorter=shorter,
+            beyond_s=self._beyond_s,
         )
+
+    @property
+    def _beyond_s(self) -> float:
+        """Largest time that a manoeuvre which ends flights may add to their longest, s."""
+        ends = self.alarms is not None or any(x.ended_s is not None for x in self.table.fault)
+        faults = range(len(self.table.fault))
+        if not (ends and {self.table.ending_of(i) for i in faults} & {*MANOEUVRES}):
+            return 0.0
+        cap_s = self.plan["nominal"]["flight"]["duration_s"]
+        return -cap_s + max(
+            self.ends.term(term.fault, term.ended_s, 1.0).plan.scenario.flight.duration_s
+            for term in self.terms
+        )
+
+    @cached_property
+    def flights(self) -> Plan:
+        """The plan of the flights without a fault."""
+        return plan_in(self.plan)
+
+    @cached_property
+    def distribution(self) -> Distribution:
+        """The distribution of the flights."""
+        (group,) = self.flights.groups
+        return distribution_of(self.flights.campaign, group.plant)
+
+    @property
+    def ends(self) -> Ends:
+        """Which flights are ended, when and how."""
+        return Ends(plan=self.flights, rates=self.table, volume=self.volume, alarms=self.alarms)
 
     @cached_property
     def bound(self) -> HourlyBound:
@@ -169,30 +218,80 @@ class PerHour(Answering):
     def sentence(self) -> str:
         """The claim."""
         return (
-            f"At most {at_most(self.bound.total, 3)} flights per flight hour leave the operational "
-            f"volume, at a confidence of {confidence_text(self.confidence)}, "
-            "with the rates of faults as declared"
+            f"At most {at_most(self.bound.total, 3)} flights per flight hour leave the volume of "
+            f"{self.volume.words}, at a confidence of {confidence_text(self.confidence)}, "
+            f"with the rates of faults as declared: {listed(self.declared)}"
         )
 
+    @property
+    def declared(self) -> list[str]:
+        """What is declared of each fault, of the endings, and the target, in words."""
+        tables = self.table.model_dump(mode="json", exclude_none=True)
+        faults = [
+            f"{fault.pop('kind').replace('_', ' ')} {fault.pop('per_hour'):g} per hour by "
+            f"{quoted(fault.pop('source'))} ({_stated(fault)})"
+            for fault in tables["fault"]
+        ]
+        target = tables.get("target_per_hour")
+        aim = [] if target is None else [f"a target of {target:g} per hour"]
+        return [*faults, f"endings ({_stated(tables['ending'])})", *aim]
+
+    @property
+    def about(self) -> list[str]:
+        """What the claim is about, in sentences: volume, flights and declarations."""
+        plan = self.flights
+        (group,), (_, (lat, lon), height) = plan.groups, planned_route(plan.campaign.central).where
+        what = "a fence" if self.fence is not None else "the contingency volume of its mission"
+        flown = flights_sentence(self.distribution, plan.scenario, *group)
+        alarms = "" if self.alarms is None else f"; alarms {hash_of(asdict(self.alarms))[:12]}"
+        return [
+            f"The volume is {what}: {self.volume.words}, which is at {lat:.6f}, {lon:.6f} deg and "
+            f"{height:.0f} m above sea level.",
+            f"The flights are those of {flown}.",
+            f"Declared, and not checked: {listed(self.declared)}{alarms}.",
+        ]
+
     def save(self, path: str | Path) -> None:
-        """Write the claim with its counts (.json)."""
+        """Write the claim with its counts and its SHA-256 (.json)."""
         write(self, path)
+
+    def check_volume(self) -> None:
+        """Refuse a volume that does not follow from the fence, or from the room and the route."""
+        again = volume_of(self.flights, self.fence, self.around)
+        if self.volume.differs(again):
+            raise InputError(
+                f"`volume` must be that of the fence or the room around the route, {again.words}, "
+                f"got {self.volume.words}."
+            )
 
     def flights_of(self, term: FlownTerm) -> TermFlights:
         """The flights of a term; InputError if the files of the aircraft have changed."""
-        plan = plan_from(self.plan, "`plan`")
-        if plan.aircraft != aircraft_hashes(plan.scenario):
+        if self.flights.aircraft != aircraft_hashes(self.flights.scenario):
             raise InputError("the files of the aircraft must be those that were flown.")
-        ends = Ends(plan=plan, rates=self.table, volume=self.volume, alarms=self.alarms)
-        return ends.term(term.fault, term.ended_s, self.exposure.window_s)
+        return self.ends.term(term.fault, term.ended_s, self.exposure.window_s)
 
     def verify(self, count: int | None, fliers: Fliers) -> Verification:
-        """Repeat `count` random flights of each term with JSBSim, and compare all their numbers."""
+        """Repeat `count` random flights of each term with JSBSim, and compare all their numbers.
+
+        By default at least `AGAIN`, and so many that a forgery which doubles the bound of a term is
+        missed with a chance of at most `MISSED`. Before, the volume is derived again, and the times
+        of all flights are checked.
+        """
         rng, notes = np.random.default_rng(), []
         terms = (*self.terms, *self.later)
+        try:
+            check_rates(self.flights, self.table)
+            self.check_volume()
+            for term in terms:
+                self.flights_of(term).check_times(term)
+        except InputError as error:
+            return Verification(valid=False, reason=str(error))
         for number, term in enumerate(terms, start=1):
             flights = len(term)
-            again = min(flights, flights_again(AGAIN) if count is None else count)
+            forged, again = forged_and_again(term.count.outside, flights, self.bound.each)
+            again = min(flights, max(again, AGAIN))
+            if count is not None:
+                again = min(flights, count)
             runs = np.sort(rng.choice(flights, again, replace=False)).tolist()
             try:
                 of_term = self.flights_of(term)
@@ -207,13 +306,14 @@ class PerHour(Answering):
                     name = self.table.name_of(term.fault, term.ended_s)
                     reason = f"flight {run} of {name} must be as JSBSim flies it again, it is not"
                     return Verification(valid=False, reason=reason)
-            forged = math.ceil(AGAIN * flights)
             missed = chance_missed(forged, flights, again)
+            every = forged == flights - term.count.outside
+            what = "all that stayed inside" if every else "which would double its share"
             name = self.table.name_of(term.fault, term.ended_s).capitalize()
             notes.append(
                 f"{name}: {again} of {flights} flights, chosen at random, were flown again by "
-                f"JSBSim and are equal; {forged} forged ones would be missed with probability "
-                f"{missed:.2g}."
+                f"JSBSim and are equal. A forgery of {forged}, {what}, would be missed with "
+                f"probability {missed:.2g}."
             )
         notes.append("The declared rates are the applicant's and are not checked.")
         return Verification(valid=True, reason="", notes=tuple(notes))
@@ -221,14 +321,43 @@ class PerHour(Answering):
 
 def load_per_hour(path: str | Path) -> PerHour:
     """Read a claim per flight hour; its bound is computed again from its counts."""
-    return read(path, PerHour)
+    hourly = read(path, PerHour)
+    with naming(path, ScenarioError):
+        hourly.distribution  # noqa: B018 - this refuses a wrong plan
+        if (hourly.alarms is None) != (hourly.table.ending.monitor is None):
+            raise InputError("`alarms` must be given with a `monitor` in `rates`, and only then.")
+        check_positive(bound=hourly.bound.total)  # or its times are refused
+    return hourly
+
+
+def volume_of(plan: Plan, fence: GeoJSON | None, around: Around | None) -> Volume:
+    """The volume of a mission: the inside of a fence, else the room around its route."""
+    central = plan.campaign.central
+    where = planned_route(central).where
+    if fence is not None:
+        return Volume.of(read_fence(KEPT, where[1], fence))
+    if around is None:
+        raise InputError("`fence` or `around` must say what the volume is.")
+    return Volume.around(where, central.flight.ground_m, around)
+
+
+def _stated(table: Mapping[str, Any]) -> str:
+    """Declared keys with their values."""
+    return ", ".join(f"{key} {_value(value)}" for key, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list):
+        return " to ".join(map(_value, value))
+    return quoted(value) if isinstance(value, str) else f"{value:.12g}"
 
 
 def count_per_hour(
     plan: Plan,
     rates: RatesTable,
-    volume: Volume,
     *,
+    fence: GeoJSON | None = None,
+    around: Around | None = None,
     alarms: Alarms | None = None,
     confidence: float,
     unfinished: Path | None = None,
@@ -236,10 +365,12 @@ def count_per_hour(
 ) -> PerHour:
     """Fly the flights of all terms of a file of rates, and bound the exits per flight hour.
 
-    A count that was killed goes on with those in the file `unfinished`.
+    The volume is the inside of a `fence` (GeoJSON), or the room `around` the route. A count that
+    was killed goes on with those in the file `unfinished`.
     """
     check_rates(plan, rates)
     plan = hourly_plan(plan)
+    volume = volume_of(plan, fence, around)
     ends = Ends(plan=plan, rates=rates, volume=volume, alarms=alarms)
     with WorkerPool(fliers) as pool, keeping(unfinished):
         flying = _Flying(pool, ends, KeptTerms(ends, unfinished, pool.observer))
@@ -255,6 +386,8 @@ def count_per_hour(
             confidence=confidence,
             plan=plan.as_dict(),
             volume=volume,
+            fence=fence,
+            around=around,
             alarms=alarms,
             terms=(healthy, *faults),
         )
@@ -323,5 +456,5 @@ def healthy_flights_for(hourly: PerHour) -> int | None:
     target = hourly.table.target_per_hour
     if target is None:
         return None
-    epsilon = 0.5 * target * hourly.exposure.hours(hourly.bound.each)
+    epsilon = 0.5 * target * hourly.bound.hours
     return flights_needed(min(epsilon, 0.5), hourly.bound.each)

@@ -18,6 +18,7 @@ from flighttune.base.files.load import (
     CLAIMS,
     LOG,
     READERS,
+    is_sealed,
     kind_of,
     load_one,
 )
@@ -28,6 +29,7 @@ from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.count import chance_missed, flights_again
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.counted import Counted
+from flighttune.claims.mission import check_hours
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.per_hour import PerHour
 from flighttune.claims.residual import Residual
@@ -53,6 +55,11 @@ ABOUT_FLIGHTS = "claim about flights: the file of a tube, a band or a monitor"
 CHOSEN = (
     "That its maker chose seed, signals, fences, numbers of flights or the rule that ends them, "
     "epsilon and confidence before a flight was counted is not checked: no file can show it."
+)
+
+NO_SEAL = (
+    "Its file has no SHA-256, as those of flighttune 0.5.0 and before: what no proof takes, such "
+    "as names and notes, may have been changed."
 )
 
 
@@ -239,8 +246,11 @@ def verify(
     if (logs or columns) and not isinstance(value, LogMonitor):
         raise InputError("`logs` and `columns` must be given for a monitor of logs only.")
     runs = tuple(load_one(x, A_LOG, LOG, columns=columns) for x in logs)
-    again = Again(count=count, run_code=run_code, fliers=fliers, logs=runs)
-    return Verified(claim=value, verification=verification_of(value, again), source=source)
+    again = Again(count=count, run_code=run_code, fliers=fliers, logs=runs, source=source)
+    verification = verification_of(value, again)
+    if source and not is_sealed(Path(source)):
+        verification = replace(verification, notes=(*verification.notes, NO_SEAL))
+    return Verified(claim=value, verification=verification, source=source)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,6 +261,7 @@ class Again:
     run_code: bool
     fliers: Fliers
     logs: Sequence[Run] = ()
+    source: str = ""  # file of the claim
 
 
 @singledispatch
@@ -272,7 +283,14 @@ def _of_logs(claim: LogMonitor, again: Again) -> Verification:
 
 @verification_of.register
 def _of_hours(claim: PerHour, again: Again) -> Verification:
-    return claim.verify(again.count, again.fliers)
+    note = ""
+    if claim.around is not None and again.source:
+        try:
+            note = check_hours(claim, Path(again.source))
+        except InputError as error:
+            return Verification(valid=False, reason=str(error))
+    verification = claim.verify(again.count, again.fliers)
+    return replace(verification, notes=(*verification.notes, *([note] if note else ())))
 
 
 @verification_of.register

@@ -130,15 +130,15 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
 
     Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
-    from flighttune.base.files.load import CLAIMS, DATASET, RECORDING, load_one
+    from flighttune.base.files.load import CLAIMS, DATASET, RECORDING, kind_of, load_one
     from flighttune.claims.counted import Counted
-    from flighttune.claims.verify import CHECKED, AnyClaim
+    from flighttune.claims.verify import CHECKED
     from flighttune.outputs.recording.record import record
     from flighttune.studies.refly import refly
 
+    if run is None and kind_of(claim) in CLAIMS:
+        return verify_claim(claim=claim).answer()
     value = load_one(claim, CHECKED, *CLAIMS, DATASET, RECORDING)
-    if run is None and isinstance(value, AnyClaim):
-        return replace(verify_claim(claim=value), source=str(claim)).answer()
     if verify_claim.keywords.keys() - {"count"}:
         raise InputError(f"{claim}: --count alone must be given where runs fly again.")
     run_code = RUN_CODE.get()

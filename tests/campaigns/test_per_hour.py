@@ -30,12 +30,14 @@ def test_the_bound_is_rates_times_shares_over_hours():
 
     alpha = 0.05 / 5  # healthy flights, shortest, longest, two faults
     odd = clopper_pearson(0, 500, alpha)
-    hours = (1.0 - odd) * 0.5
+    # Half an hour, or until the first fault: the mean of min(0.5, t) over an exponential t.
+    hours = (1.0 - odd) * (1.0 - np.exp(-0.5 * 1.2e-3)) / 1.2e-3
     terms = [
         rate * (0.6 * clopper_pearson(k, n, alpha) + odd) / hours
         for rate, k, n in [(1e-3, 4, 100), (2e-4, 0, 60)]
     ]
-    several = 0.5 * 1.2e-3**2 * (0.36 + odd) / hours
+    # The first fault within 0.6 h, or 1 h of few flights, and the second within 1 h.
+    several = 1.2e-3**2 * (0.6 * (1.0 - 0.3) + odd * 0.5) / hours
     assert bound.faults == pytest.approx(terms, rel=ROUNDING)
     assert bound.healthy == pytest.approx(clopper_pearson(1, 500, alpha) / hours, rel=ROUNDING)
     assert bound.several == pytest.approx(several, rel=ROUNDING)
@@ -81,6 +83,41 @@ def test_5000_made_up_aircraft_exceed_the_bound_no_more_often_than_the_confidenc
         true = exits_per_hour(p_0, rates, shares, np.linspace(low, high, 200))
         missed += bound.total < true
     assert missed / CASES <= MOST_MISSED
+
+
+def mean_hours(longest, per_hour):
+    """Mean time to the first fault, or to the end of a flight of at most `longest`, uniform, h."""
+    low = 0.999 * longest
+    # The mean of (1 - exp(-r T)) / r over T, uniform from `low` to `longest`.
+    decay = (np.exp(-per_hour * low) - np.exp(-per_hour * longest)) / (per_hour * (longest - low))
+    return (1.0 - decay) / per_hour
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_flights_that_a_fault_ends_early_make_the_rate_per_hour_no_larger_than_the_bound(seed):
+    """Each fault ends its flight at once and inside, so that it only takes flight time away."""
+    rng, n, cases, missed = np.random.default_rng(seed), 20_000, 400, 0
+    for _ in range(cases):
+        p_0, rate, longest = rng.uniform(0.7, 0.9), rng.uniform(0.2, 0.4), rng.uniform(0.8, 1.0)
+        durations = np.sort(rng.uniform(0.999 * longest, longest, n))
+        exposure = per_hour.Exposure(
+            shortest_s=3600.0 * durations[n // 100],
+            window_s=3600.0 * durations[-1],
+            cap_s=3600.0 * longest,
+            flights=n,
+            shorter=n // 100,
+        )
+        healthy = per_hour.Count(outside=int(rng.binomial(n, p_0)), flights=n)
+        safe = per_hour.Count(outside=0, flights=n)
+        bound = per_hour.hourly_bound(healthy, [(rate, safe)], exposure, confidence=CONFIDENCE)
+        # It leaves at its start, so that a fault does not prevent it.
+        missed += bound.total < p_0 / mean_hours(longest, rate)
+    assert missed / cases <= 0.1 + 3.7 * np.sqrt(0.09 / cases)
+
+    # The mean is that of simulated flights, to four standard deviations.
+    flights = np.minimum(rng.uniform(0.999, 1.0, 10**6), rng.exponential(1.0 / 0.3, 10**6))
+    assert flights.mean() == pytest.approx(mean_hours(1.0, 0.3), abs=4.0 * flights.std() / 1e3)
 
 
 def test_every_count_for_a_later_ending_costs_confidence():

@@ -256,7 +256,7 @@ def test_the_room_of_a_mission_with_a_steep_leg_is_claimed_of_all_its_flights(st
 
     assert room.claims
     assert not room.endings
-    plan = counted_flights.plan_in(room.about).with_runs(int(room.draws[-1]) + 1)
+    plan = counted_flights.plan_in(room.about.plan).with_runs(int(room.draws[-1]) + 1)
     runs = (fly_group(plan, plan.scenario_of(x), plan.groups[0]) for x in room.draws.tolist())
     assert any(scenario_of(run).turn_back.sloped_s is not None for run in runs)
     condition = "or, where there is none on a slope, in level flight before it"
@@ -462,7 +462,7 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
 
     path, fresh, left, by_ahead = where[0], 20, 0, 0
     line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
-    plan = counted_flights.plan_in(room.about)
+    plan = counted_flights.plan_in(room.about.plan)
     plan = replace(plan, campaign=plan.campaign.model_copy(update={"seed": 5}), runs=fresh)
     edge = [(width * np.cos(x), width * np.sin(x)) for x in np.arange(0.0, 2.0 * np.pi, 0.5)]
     for run in range(fresh):

@@ -111,6 +111,47 @@ def test_a_forgery_that_doubles_epsilon_is_found_with_95_percent(epsilon, again)
     assert count.chance_missed(5, 10, 6) == 0.0
 
 
+def spread(terms, confidence):
+    """Chance to miss the forgery that doubles a sum of bounds and is missed most often.
+
+    It has any number of forged flights in each term: a weight, its flights outside, and all.
+    """
+    totals = {0.0: 1.0}  # chance to miss, by what the bounds have gained
+    claimed = sum(w * count.supported_epsilon(k, n, confidence) for w, k, n in terms)
+    for weight, outside, flights in terms:
+        _, again = count.forged_and_again(outside, flights, confidence)
+        bound = count.supported_epsilon(outside, flights, confidence)
+        gains = [
+            (
+                weight * (count.supported_epsilon(outside + m, flights, confidence) - bound),
+                count.chance_missed(m, flights, again),
+            )
+            for m in range(min(flights - outside, 40) + 1)
+        ]
+        gained = [(x + y, p * q) for x, p in totals.items() for y, q in gains if p * q > 1e-4]
+        totals = {x: max(p for y, p in gained if y == x) for x in {y for y, _ in gained}}
+    return max((p for x, p in totals.items() if x >= claimed), default=0.0)
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        [(1.0, 0, 500)],
+        [(1.0, 1, 500)],
+        [(1.0, 7, 300)],
+        [(1.0, 0, 300), (1.0, 0, 300)],
+        [(0.7, 0, 200), (0.3, 3, 100)],
+        [(0.4, 2, 100), (0.4, 0, 60), (0.2, 5, 60)],
+    ],
+)
+def test_a_claim_that_was_doubled_by_forgeries_in_any_terms_is_found_in_19_of_20(terms):
+    assert 0.0 < spread(terms, 0.98) <= 0.05
+    forged, again = count.forged_and_again(0, 500, 0.98)
+    bounds = [count.supported_epsilon(k, 500, 0.98) for k in (0, forged - 1, forged)]
+    assert bounds[1] < 2.0 * bounds[0] <= bounds[2]
+    assert count.chance_missed(forged, 500, again - 1) > 0.05
+
+
 @pytest.mark.parametrize(("epsilon", "confidence"), [(0.01, 0.95), (0.05, 0.95), (0.3, 0.9)])
 def test_evidence_is_the_integral_of_likelihood_ratios(epsilon, confidence):
     for outside, flights in ((0, 12), (2, 40), (9, 30)):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up_hours import fence_around
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
@@ -20,6 +21,9 @@ STRAIGHT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.
 # Look-ahead of the guidance, s, and airspeed, m/s.
 LOOK_AHEAD_S, V = 3.0, 25.0
 
+# Ends of the strip, m north of the start, and its top, m above it.
+ENDS, TOP = (-2000.0, 2600.0), 60.0
+
 # Cases of the claim, those that may be wrong, and fresh hours of each.
 CASES, WRONG, HOURS = 20, 1, 15.0
 
@@ -31,8 +35,9 @@ def straight_plan():
 
 def strip(half):
     """A volume of a half-width in m around the route, far beyond its ends."""
-    corners = ((-2000.0, -half), (2600.0, -half), (2600.0, half), (-2000.0, half))
-    return Volume(rings=(corners,), outside=(False,), low=None, high=60.0)
+    behind, ahead = ENDS
+    corners = ((behind, -half), (ahead, -half), (ahead, half), (behind, half))
+    return Volume(rings=(corners,), outside=(False,), low=None, high=TOP)
 
 
 def fault(kind, flights, **keys):
@@ -93,7 +98,7 @@ def test_the_rate_of_fresh_hours_lies_below_the_bound_in_19_of_20_cases():
         bound = count_per_hour(
             replace(plan, campaign=seeded),
             stated,
-            strip(half),
+            fence=fence_around(half, plan, ends=ENDS, top=TOP),
             confidence=0.95,
             fliers=Fliers(workers=2),
         ).bound

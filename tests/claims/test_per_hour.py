@@ -1,16 +1,18 @@
 """Declared rates of faults, flights that leave a volume, and the claim per flight hour."""
 
-import json
 import math
 import re
+import shutil
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
 import pytest
 from flown_campaigns import flown_here
+from forging import Opened
+from made_up_band import count_of
+from made_up_hours import SHORT, fence_around, made_up_hours, short_plan
 from scipy import stats
 
 import flighttune as ft
@@ -19,7 +21,9 @@ from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting, hourly_flights, mission, per_hour, rates_keys
+from flighttune.claims.counted_flights import turning_back
 from flighttune.claims.leaving import NEVER, Alarms, Left, Volume
+from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.route import planned_route
 from flighttune.gaps.watch import SignalModel
 from flighttune.outputs.answers import per_hour as answers
@@ -27,10 +31,6 @@ from flighttune.routes.volumes import CONTINGENCY
 
 FAULT = 'kind = "engine"\nper_hour = 1e-3\nsource = "a log"\n'
 STUCK = 'kind = "rudder_stuck"\nper_hour = 1e-3\nsource = "a log"\n'
-
-# A straight route of 300 m, 10 s of flight.
-SHORT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
-
 
 # Routes that climb, and come back near their start, turning right and left.
 RIGHT, LEFT = (
@@ -96,11 +96,6 @@ def test_a_fault_names_what_is_flown_then(own, words):
     assert table.name_of(None, None) == "healthy flight"
 
 
-def short_plan(changes=SHORT):
-    stated = ft.flights("circuit_in_wind", changes=changes).knowing(None)
-    return counting.drawn(stated)
-
-
 @pytest.mark.slow
 def test_an_aircraft_without_a_rudder_cannot_have_it_stuck():
     stated = ft.flights("circuit_in_wind_x8").knowing(None)
@@ -140,6 +135,11 @@ def box(half):
     return Volume(rings=(corners,), outside=(False,), low=None, high=50.0)
 
 
+def square(half):
+    """The fence of such a volume, around the start of the short route."""
+    return fence_around(half, ends=(-half, half), top=50.0)
+
+
 def test_margins_are_distances_to_the_sides_and_the_top():
     places = np.array([[0.0, 0.0, 0.0], [90.0, 0.0, 60.0], [120.0, 0.0, 0.0]])
     assert box(100.0).margins(places)[:, :2] == pytest.approx(
@@ -152,7 +152,7 @@ def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
     with flown_here():
         wide, narrow = (
             per_hour.count_per_hour(
-                short_plan(), rates(), box(half), confidence=0.9, fliers=Fliers(workers=1)
+                short_plan(), rates(), fence=square(half), confidence=0.9, fliers=Fliers(workers=1)
             )
             for half in (1e4, 100.0)
         )
@@ -170,9 +170,9 @@ def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
     with flown_here():
         assert ft.verify(file, count=2, workers=1).valid
 
-    stated = json.loads(file.read_text())
-    stated["terms"][0]["left_s"] = [-1.0] * 8
-    file.write_text(json.dumps(stated))
+    opened = Opened.of(file)
+    opened.tables["terms"][0]["left_s"] = [-1.0] * 8
+    opened.write(file, anew=True)
     with flown_here():
         verified = ft.verify(file, count=8, workers=1)
     assert not verified.valid
@@ -180,20 +180,24 @@ def test_flights_in_a_wide_volume_stay_and_in_a_narrow_one_all_leave(tmp_path):
 
 
 def test_flights_fewer_than_stated_are_refused(tmp_path):
-    file = Path(tmp_path, "hours.json")
-    claim = dict.fromkeys(("rates", "confidence", "plan", "volume", "terms", "later"))
-    claim |= {
-        "format": per_hour.PerHour.FORMAT,
-        "units": dict(per_hour.PerHour.UNITS),
-        "confidence": 0.9,
-    }
-    claim |= {"rates": rates().model_dump(mode="json", exclude_none=True), "plan": {}, "later": []}
-    claim |= {"volume": {"rings": [], "outside": [], "low": None, "high": None}}
-    term = {"fault": None, "ended_s": None, "left_s": [-1.0], "end_s": [9.0], "ended_at_s": [-1.0]}
-    claim["terms"] = [term]
-    file.write_text(json.dumps(claim))
+    made_up_hours(40.0).save(file := tmp_path / "hours.json")
+    opened = Opened.of(file)
+    for times in ("left_s", "end_s", "ended_at_s"):
+        opened.tables["terms"][0][times].pop()
+    opened.write(file, anew=True)
     with pytest.raises(ft.ScenarioError, match="`terms` must be the flights that `rates` states"):
         per_hour.load_per_hour(file)
+
+
+def test_a_file_of_0_5_0_is_told_in_a_line_to_be_made_again(tmp_path):
+    made_up_hours(40.0).save(file := tmp_path / "hours.json")
+    opened = Opened.of(file)
+    del opened.tables["sha256"], opened.tables["fence"], opened.tables["around"]
+    opened.tables["format"] = "flighttune flight hours 1"
+    opened.write(file, anew=False)
+    with pytest.raises(ft.ScenarioError, match=r"`format` must be .*; make the file again") as old:
+        ft.verify(file)
+    assert "\n" not in str(old.value)
 
 
 def ends(how, alarms=None, **fault):
@@ -285,7 +289,7 @@ def test_a_few_flights_that_end_early_do_not_shorten_the_exposure(alarms, early,
     assert hourly.exposure.shortest_s == shortest_s
     # No flight left: p is bounded by 1 - alpha^(1/n) in closed form, alpha shared by four counts.
     p = 1.0 - (0.1 / 4) ** (1 / 200)
-    hours = hourly.exposure.hours(hourly.bound.each)
+    hours = hourly.bound.hours
     assert hourly.bound.healthy == pytest.approx(p / hours, rel=1e-9)
     assert 0.8 * 90.0 < 3600.0 * hours < 90.0
 
@@ -343,7 +347,10 @@ def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hol
     room.volumes = lambda _: {"geography": None, CONTINGENCY: around, "buffer": None}
     odds = SimpleNamespace(band=band, room=room)
 
-    volume = mission._operational_volume(odds, {}, Path())
+    said = mission.around_of(odds)
+    volume = Volume.around(planned.where, planned.scenario.flight.ground_m, said)
+
+    assert (said.width_m, said.high_m) == (30.0, 40.0)
 
     at = path.beside(path.points(200.0))[:, :3]
     off = [[-25.0, 0.0, 0.0], [-35.0, 0.0, 0.0], [*at[:, :2].mean(axis=0), 0.0]]
@@ -356,7 +363,57 @@ def test_without_a_fence_the_volume_is_the_room_around_the_route_and_not_the_hol
     assert volume.high == pytest.approx(40.0 - 100.0)
     for lacking in ({"band": replaced(band)}, {"room": replaced(room)}, {"room": None}):
         with pytest.raises(ft.InputError, match="none is claimed by its count"):
-            mission._operational_volume(SimpleNamespace(**{**vars(odds), **lacking}), {}, Path())
+            mission.around_of(SimpleNamespace(**{**vars(odds), **lacking}))
+
+
+@pytest.fixture(scope="module")
+def in_its_room(tmp_path_factory):
+    """The files of a mission without a fence, with counts that are made up: band, room, hours."""
+    folder, plan = tmp_path_factory.mktemp("room"), short_plan()
+
+    def made_up(kind, plan, away):
+        measured, few = kind.measures.chosen(plan, None), {"epsilon": 0.3, "confidence": 0.9}
+        return count_of(kind, plan.with_runs(17), measured, away, np.ones(7), **few)
+
+    band = made_up(ft.Band, plan, [5.0, 2.0])
+    room = made_up(TurnBack, turning_back(plan, 30.0), [90.0, 3.4])
+    around = mission.around_of(mission.MissionOdds(band=band, room=room, files={}))
+    plan = hourly_flights.hourly_plan(plan)
+    hourly = replace(
+        made_up_hours(40.0), fence=None, around=around,
+        volume=per_hour.volume_of(plan, None, around),
+    )  # fmt: skip
+    band.save(folder / "band.npz")
+    room.save(folder / "band-turn-back.npz")
+    hourly.save(folder / "band-per-hour.json")
+    return folder / "band-per-hour.json"
+
+
+def test_a_contingency_volume_is_that_of_the_counts_beside_its_file(in_its_room, tmp_path):
+    """The corridor of 5 m and the room of 90 m to each side; another width is refused."""
+    hourly = ft.load(in_its_room)
+
+    assert hourly.around.width_m == pytest.approx(95.0, abs=1.0)  # whole metres
+    hourly.check_volume()
+    assert mission.check_hours(hourly, in_its_room) == ""
+    wide = replace(hourly.around, width_m=400.0)
+    volume = per_hour.volume_of(hourly.flights, None, wide)
+    wide = replace(hourly, around=wide, volume=volume)
+    wide.check_volume()
+    with pytest.raises(ft.InputError, match=r"contingency volume of band\.npz, 9[56] m"):
+        mission.check_hours(wide, in_its_room)
+    wide.save(in_its_room.with_name("other-per-hour.json"))
+    assert "are the maker's" in mission.check_hours(wide, tmp_path / "other-per-hour.json")
+    wide.save(tmp_path / "band-per-hour.json")
+    for name in ("band.npz", "band-turn-back.npz"):
+        shutil.copy(in_its_room.with_name(name), tmp_path / name)
+    verified = ft.verify(tmp_path / "band-per-hour.json")
+    assert not verified.valid
+    assert "`around` must be" in verified.reason
+    with pytest.raises(ft.InputError, match=r"`volume` must be that of the fence or the room"):
+        replace(hourly, volume=volume).check_volume()
+    with pytest.raises(ft.InputError, match=r"`fence` or `around` must say"):
+        replace(hourly, around=None).check_volume()
 
 
 def replaced(count):
@@ -607,6 +664,11 @@ def hours(healthy=0, faulty=0, target=None, later=(), **fault):
     )  # fmt: skip
 
 
+def until_a_fault(per_hour, seconds):
+    """Mean time to the first fault, or to the end of a flight that lasts so long, h."""
+    return (1.0 - math.exp(-per_hour * seconds / 3600.0)) / per_hour
+
+
 def test_the_bound_of_a_claim_is_that_of_its_counts():
     """Bounds are by Clopper and Pearson at 0.1 / 4; three of 300 flights may be below 100 s."""
 
@@ -615,11 +677,12 @@ def test_the_bound_of_a_claim_is_that_of_its_counts():
 
     bound = hours(2, 4).bound
 
-    mean_h = (1.0 - upper(3)) * 100.0 / 3600.0
+    mean_h = (1.0 - upper(3)) * until_a_fault(1.0, 100.0)
     window, cap, odd = 100.0 / 3600.0, 120.0 / 3600.0, upper(0)
     assert bound.healthy == pytest.approx(upper(2) / mean_h)
     assert bound.faults == pytest.approx([(window * upper(4) + odd * cap) / mean_h])
-    assert bound.several == pytest.approx(0.5 * (window**2 + odd * cap**2) / mean_h)
+    pairs = window * (cap - 0.5 * window) + 0.5 * odd * cap**2
+    assert bound.several == pytest.approx(pairs / mean_h)
     # with a target the fault whose time is searched has a second count
     assert hours(2, 4, target=0.5).bound.each == pytest.approx(1.0 - 0.1 / 5)
 
@@ -649,7 +712,8 @@ def test_each_fault_has_its_rate_its_flights_and_its_shares_of_the_confidence():
     def upper(k):
         return stats.beta.ppf(1.0 - 0.1 / 7, k + 1, 300 - k)
 
-    mean_h, window, cap = (1.0 - upper(3)) * 100.0 / 3600.0, 110.0 / 3600.0, 120.0 / 3600.0
+    mean_h = (1.0 - upper(3)) * until_a_fault(1.5, 100.0)
+    window, cap = 110.0 / 3600.0, 120.0 / 3600.0
     terms = [
         rate * (window * upper(k) + upper(0) * cap) / mean_h
         for rate, k in ((1.0, 4), (0.5, 290), (0.5, 0))
@@ -691,14 +755,15 @@ def test_a_target_is_met_by_the_total_and_asks_for_flights_by_half_of_it():
     assert per_hour.healthy_flights_for(hours()) is None
     # none of n outside: (1 - epsilon)^n <= 1 - confidence of each count
     claim = hours(0, 40, target=0.02)
-    epsilon = 0.5 * 0.02 * claim.exposure.hours(claim.bound.each)
+    epsilon = 0.5 * 0.02 * claim.bound.hours
     n = per_hour.healthy_flights_for(claim)
     spent = 1.0 - claim.bound.each
     assert (1.0 - epsilon) ** n <= spent < (1.0 - epsilon) ** (n - 1)
     # flights of three hours: an epsilon above one half needs as many as one half
-    long = replace(hours(target=1.0).terms[0], end_s=(10_800.0,) * 300)
+    rare = hours(target=1.0)
+    rare.rates["fault"][0]["per_hour"] = 1e-3
     claim = replace(
-        hours(target=1.0), terms=(long, counted(0, 0, 1.0)),
+        rare, terms=(replace(rare.terms[0], end_s=(10_800.0,) * 300), counted(0, 0, 1.0)),
         plan={"nominal": {"flight": {"duration_s": 10_800.0}}},
     )  # fmt: skip
     n = per_hour.healthy_flights_for(claim)
@@ -873,7 +938,8 @@ def again(monkeypatch):
         seen.append((pool.progress.stage, [*runs], flights.plan.campaign, alarms, by_jsbsim))
         after = flights.leaving.after_s or 0.0
         return [
-            Left(NEVER if run % 2 else after + run, 20.0 + 0.25 * run, after, 0.0) for run in runs
+            Left(NEVER if run % 2 else after + 0.25 * run, 20.0 + 0.25 * run, after, 0.0)
+            for run in runs
         ]
 
     monkeypatch.setattr(hourly_flights.TermFlights, "flown", flown)
@@ -883,8 +949,9 @@ def again(monkeypatch):
 def counted_again():
     """A claim of 48 healthy flights, and six with a fault ended after 1 s and after 2 s."""
     stated = rates(ended_s=1.0).model_copy(update={"flights": 48})
-    plan = hourly_flights.hourly_plan(short_plan())
-    ends = hourly_flights.Ends(plan=plan, rates=stated, volume=box(1e4), alarms=None)
+    plan, fence = hourly_flights.hourly_plan(short_plan()), square(1e4)
+    volume = per_hour.volume_of(plan, fence, None)
+    ends = hourly_flights.Ends(plan=plan, rates=stated, volume=volume, alarms=None)
 
     def term(fault, ended_s, number):
         none = dict.fromkeys(("left_s", "end_s", "ended_at_s"), ())
@@ -895,17 +962,20 @@ def counted_again():
 
     return per_hour.PerHour(
         rates=stated.model_dump(mode="json", exclude_none=True), confidence=0.9,
-        plan=plan.as_dict(), volume=box(1e4),
+        plan=plan.as_dict(), volume=volume, fence=fence, alarms=WATCHED,
         terms=(term(None, None, 48), term(0, 1.0, 6)), later=(term(0, 2.0, 6),),
     )  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("count", "flown", "missed"), [(3, (3, 3, 3), (0.82, 0.5)), (None, (48, 6, 6), (0, 0))]
+    ("count", "flown", "missed"), [(3, (3, 3, 3), (0.12, 0.05)), (None, (48, 6, 6), (0, 0))]
 )
 def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flown, missed):
-    """A twentieth is forged: of 48 three, which three avoid by (45 44 43) / (48 47 46)."""
-    claim = replace(counted_again(), alarms=WATCHED)
+    """Half of the flights leave: no forgery doubles that, so the other half may be forged.
+
+    Three flights avoid 24 of 48 by (24 23 22) / (48 47 46), and three of six by 1 / 20.
+    """
+    claim = counted_again()
     again.clear()
 
     verified = ft.verify(claim, count=count, workers=1).verification
@@ -921,10 +991,11 @@ def test_as_many_flights_of_each_term_as_asked_are_flown_again(again, count, flo
     *notes, last = verified.notes
     names = "Healthy flight", "Engine, cut after 1 s", "Engine, cut after 2 s"
     for note, name, number, of, forged, p in zip(
-        notes, names, flown, (48, 6, 6), (3, 1, 1), (*missed, missed[1]), strict=True
+        notes, names, flown, (48, 6, 6), (24, 3, 3), (*missed, missed[1]), strict=True
     ):
         assert note.startswith(f"{name}: {number} of {of} flights")
-        assert note.endswith(f"{forged} forged ones would be missed with probability {p:g}.")
+        assert f"A forgery of {forged}, all that stayed inside," in note
+        assert note.endswith(f"would be missed with probability {p:g}.")
     assert "rates are the applicant's" in last
 
 
@@ -992,8 +1063,8 @@ def count_of_two(target, ended_s=4.0, detected_s=1.5):
     ]
     table = {"flights": 2000, "target_per_hour": target, "fault": faults}
     return per_hour.count_per_hour(
-        short_plan(), rates_keys.RatesTable.model_validate(table), box(1e4), alarms=WATCHED,
-        confidence=0.9, fliers=Fliers(workers=1),
+        short_plan(), rates_keys.RatesTable.model_validate(table), fence=square(1e4),
+        alarms=WATCHED, confidence=0.9, fliers=Fliers(workers=1),
     )  # fmt: skip
 
 
@@ -1032,6 +1103,6 @@ def test_faults_that_the_aircraft_cannot_have_are_refused_before_they_are_counte
     plan = counting.drawn(ft.flights("circuit_in_wind", changes=SHORT).knowing("exact"))
     with pytest.raises(ft.InputError, match="receiver_jump with exact navigation"):
         per_hour.count_per_hour(
-            plan, rates(kind="receiver_jump", jump_m=(1.0, 2.0)), box(1e4), confidence=0.9,
-            fliers=Fliers(workers=1),
+            plan, rates(kind="receiver_jump", jump_m=(1.0, 2.0)), fence=square(1e4),
+            confidence=0.9, fliers=Fliers(workers=1),
         )  # fmt: skip

@@ -3,7 +3,7 @@
 The readers stand in a table and are imported on first use, so this module knows the kinds of files
 but not their contents. Most files carry the SHA-256 of all their other bytes, and a changed file is
 refused before any library decodes it. A Parquet file has the hash in the metadata of its schema,
-which is never compressed; an archive has it in its comment.
+which is never compressed; an archive has it in its comment, and a claim in JSON as its last value.
 """
 
 import hashlib
@@ -150,6 +150,16 @@ def _place(source: str | Path) -> Path:
     return path if os.path.exists(path) else Path(str(source).partition("@")[0])
 
 
+def words_of(stated: str) -> str:
+    """The kind of file with a `format`, in words without an article."""
+    return SHOWN[stated.rpartition(" ")[0]].partition(",")[0].partition(" ")[2]
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether a file has the SHA-256 of its other bytes, right or wrong."""
+    return MARK in file_bytes(path, "file")
+
+
 def seal(data: bytes) -> bytes:
     """Put the SHA-256 of all other bytes of a file in the place of `BLANK`."""
     before, _, after = data.rpartition(BLANK.encode())
@@ -176,7 +186,7 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     if at < 0:
         raise RecordingError(
             f"{path}: must be a {kind} with the SHA-256 that flighttune writes, got none: it is "
-            f"cut off, of another program, or of flighttune 0.1.0; {remedy}."
+            f"cut off, of another program, or of an early flighttune; {remedy}."
         )
     begin, end = at + len(MARK), at + len(MARK) + DIGITS
     if data[begin:end] != _sha256(seen[:at], seen[end:]):

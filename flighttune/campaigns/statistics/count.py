@@ -164,6 +164,26 @@ def flights_again(epsilon: float) -> int:
     return math.ceil(math.log(MISSED) / math.log1p(-epsilon))
 
 
+def forged_and_again(outside: int, flights: int, confidence: float) -> tuple[int, int]:
+    """Forged flights that would double the bound of a count, and flights to repeat to find them.
+
+    A forger who claims `outside` of `flights` has said of that many flights that they stayed
+    inside. The repeated flights, chosen at random, miss all of them with a chance of at most
+    `MISSED`.
+    """
+    inside, doubled = flights - outside, 2.0 * supported_epsilon(outside, flights, confidence)
+    if not inside:
+        return flights, 1
+
+    def with_forged(forged: int) -> float:
+        return supported_epsilon(outside + forged, flights, confidence)
+
+    # Where no forgery doubles the bound, all that are inside may be forged.
+    forged = bisect_left(range(1, inside), doubled, key=with_forged) + 1
+    found = partial(chance_missed, forged, flights)
+    return forged, bisect_left(range(flights), -MISSED, key=lambda again: -found(again))
+
+
 def chance_missed(forged: int, flights: int, again: int) -> float:
     """Chance that `again` of `flights`, chosen at random, include none of the `forged`."""
     return math.prod(max(flights - forged - i, 0) / (flights - i) for i in range(again))

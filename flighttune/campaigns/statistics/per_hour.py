@@ -1,5 +1,6 @@
 """Rate per flight hour from declared rates of faults and counted flights: docs/per_hour.md."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,14 +29,22 @@ class Exposure:
 
     shortest_s: float  # shortest duration of the counted flights, apart from `shorter`
     window_s: float  # longest duration of the counted flights: faults are drawn from this time
-    cap_s: float  # time at which every flight ends
+    cap_s: float  # time at which every flight without a fault ends
     flights: int
     shorter: int = 0  # number, fixed beforehand, of flights that may be shorter than `shortest_s`
+    beyond_s: float = 0.0  # time beyond `cap_s` that the ending of a flight with a fault may take
 
-    def hours(self, confidence: float) -> float:
-        """Lower bound of the mean duration, h: few flights are shorter than `shortest_s`."""
+    def hours(self, confidence: float, per_hour: float = 0.0) -> float:
+        """Lower bound of the mean duration, h, with faults at a rate `per_hour` in total.
+
+        Few flights without a fault are shorter than `shortest_s`; a flight with faults lasts at
+        least until the first of them, an exponential time.
+        """
         short = supported_epsilon(self.shorter, self.flights, confidence)
-        return (1.0 - short) * self.shortest_s / SECONDS
+        until = self.shortest_s / SECONDS
+        if per_hour > 0.0:
+            until = -math.expm1(-per_hour * until) / per_hour
+        return (1.0 - short) * until
 
     def odd(self, confidence: float) -> float:
         """Upper bound of the share of flights longer than all counted ones."""
@@ -51,6 +60,7 @@ class HourlyBound:
     faults: tuple[float, ...]  # in the order of the faults
     several: float  # flights with two faults or more
     each: float  # confidence of each count
+    hours: float  # lower bound of the mean duration, h
 
 
 def hourly_bound(
@@ -74,11 +84,17 @@ def hourly_bound(
         )
     # Counts: healthy flights, the shortest and the longest of them, and the flights of each fault.
     each = 1.0 - (1.0 - confidence) / (3 + len(faults) + more)
-    hours, odd = exposure.hours(each), exposure.odd(each)
-    window, cap = exposure.window_s / SECONDS, exposure.cap_s / SECONDS
-    terms = [rate * (window * count.share(each) + odd * cap) / hours for rate, count in faults]
     rates = sum(rate for rate, _ in faults)
-    several = 0.5 * rates**2 * (window**2 + odd * cap**2) / hours
+    hours, odd = exposure.hours(each, rates), exposure.odd(each)
+    window, cap = exposure.window_s / SECONDS, exposure.cap_s / SECONDS
+    last = cap + exposure.beyond_s / SECONDS
+    terms = [rate * (window * count.share(each) + odd * cap) / hours for rate, count in faults]
+    # The first fault of a flight lies before the end of one without a fault, the second before
+    # `last`: the flight after a fault may be longer.
+    pairs = window * (last - 0.5 * window) + odd * cap * (last - 0.5 * cap)
+    several = rates**2 * pairs / hours
     alone = healthy.share(each) / hours
     total = alone + sum(terms) + several
-    return HourlyBound(total=total, healthy=alone, faults=tuple(terms), several=several, each=each)
+    return HourlyBound(
+        total=total, healthy=alone, faults=tuple(terms), several=several, each=each, hours=hours
+    )

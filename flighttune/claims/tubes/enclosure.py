@@ -14,9 +14,19 @@ from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, read_only_matrix, true_spans
 from flighttune.base.errors import InputError, naming
-from flighttune.base.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
+from flighttune.base.files.array import (
+    BOOL,
+    FLOAT,
+    SINGLE,
+    TEXT,
+    Arrays,
+    check_shapes,
+    read_arrays,
+    write_sealed,
+)
+from flighttune.base.files.claim import current
+from flighttune.base.files.load import is_sealed, sealed_bytes
 from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
-from flighttune.base.files.whole import whole_file
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.base.words import LEAST_WIDTH, at_least, at_most, confidence_text, quoted
@@ -62,6 +72,9 @@ SAME_REFERENCE = 1e-6
 # up in another order.
 BOUND_MARGIN = 1e-9
 
+# Words for a file whose seal is missing or wrong, and what to do
+REMEDY = "proof of a tube", "prove it again with flighttune tube"
+
 # Maximum numbers in a proof, which bound its time and memory; samples count per round.
 MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
 
@@ -105,7 +118,8 @@ class Claim:
     files: Mapping[str, str] = field(default_factory=dict)  # see `Tube`
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune tube 8"
+    FORMAT: ClassVar[str] = "flighttune tube 9"
+    UNSEALED: ClassVar[str] = "flighttune tube 8"
     UNITS: ClassVar[Mapping[str, str]] = {
         "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
         "boxes": "bounds on the rates left over (rad/s) and the roll (rad) by sample",
@@ -409,8 +423,7 @@ class Tube(Answering):
         if ever is not None:
             arrays |= {f"ever_{name}": getattr(ever, name) for name in EVER}
             arrays["ever_bounds"] = ever.bounds + looser
-        with whole_file(Path(path)) as part, part.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+        write_sealed(path, arrays)
 
 
 def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
@@ -421,10 +434,16 @@ def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
 def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
     """Read a tube and rebuild its problem from the scenario in the file."""
     with naming(path):
+        # A sealed file that was changed is refused before it is unpacked.
+        if sealed := is_sealed(Path(path)):
+            sealed_bytes(Path(path), *REMEDY)
         arrays = read_arrays(Path(path), "tube", MEMBERS)
         # Bounds and choices in the file are not trusted before `Tube.verify` has checked them. The
         # boxes of an aircraft come from the file and must agree with the `band`, if given.
-        claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
+        stated = json_object(str(arrays["claim"]), "`claim`")
+        if not sealed and stated.get("format") == Claim.FORMAT:
+            sealed_bytes(Path(path), *REMEDY)
+        claim = value_of(current(stated, Claim), Claim)
         return _tube_from(claim, arrays, band)
 
 

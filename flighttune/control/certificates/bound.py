@@ -21,7 +21,8 @@ from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
-from flighttune.base.files.table import STRICT, read, write
+from flighttune.base.files.claim import read, write
+from flighttune.base.files.table import STRICT
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.theory.exact import Check, Verification, as_float, exact, positive_definite
 from flighttune.control.theory.lmi import blocks, largest, parameter, solve, unknown
@@ -92,7 +93,8 @@ class RateBound(Answering):
     multipliers: FloatArray
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune rate bound 1"
+    FORMAT: ClassVar[str] = "flighttune rate bound 2"
+    UNSEALED: ClassVar[str] = "flighttune rate bound 1"
     UNITS: ClassVar[Mapping[str, str]] = {
         "I_star": "s^2",
         "R_bound": "1/s",

@@ -15,7 +15,8 @@ from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
-from flighttune.base.files.table import STRICT, read, write
+from flighttune.base.files.claim import read, write
+from flighttune.base.files.table import STRICT
 from flighttune.base.words import listed, pick, quoted
 from flighttune.control.certificates.estimates import estimate_gains, gains_checks
 from flighttune.control.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
@@ -170,7 +171,8 @@ class Certificate(Answering):
     kind: ClassVar[Literal["proven"]] = "proven"
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune certificate 3"
+    FORMAT: ClassVar[str] = "flighttune certificate 4"
+    UNSEALED: ClassVar[str] = "flighttune certificate 3"
     UNITS: ClassVar[Mapping[str, str]] = {
         "angles and times": "rad and s; V_a in m/s, g in m/s^2",
         "exact_rates": "1/s and s: the norm sqrt(s' Q s) of s over `units` decays at `rate`",

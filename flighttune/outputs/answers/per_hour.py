@@ -207,7 +207,7 @@ def values(hourly: PerHour) -> dict[str, Any]:
         "confidence": hourly.confidence,
         "confidence_of_each": hourly.bound.each,
         "target": hourly.table.target_per_hour,
-        "hours": hourly.exposure.hours(hourly.bound.each),
+        "hours": hourly.bound.hours,
         "window_s": hourly.exposure.window_s,
         "terms": rows(hourly),
         "later": later_rows(hourly),
@@ -218,7 +218,7 @@ def values(hourly: PerHour) -> dict[str, Any]:
 def notes(hourly: PerHour) -> list[str]:
     """What is declared, what is counted, and what is not in it."""
     exposure, kinds = hourly.exposure, [x.kind.replace("_", " ") for x in hourly.table.fault]
-    hours = exposure.hours(hourly.bound.each)
+    hours = hourly.bound.hours
     return [
         f"The rates of {listed(kinds)} are declared by the applicant; the shares are counted. Each "
         f"fault begins at any time of the first {exposure.window_s:.3g} s, and a flight lasts "

@@ -17,6 +17,7 @@ from made_up import scenario_file
 from made_up_tubes import FEW_PIECES, arrays_of, claim_of, rewritten, tube, tube_scenario
 
 import flighttune as ft
+from flighttune.base.files import load
 from flighttune.base.words import quoted
 from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.enclosure import BOUND_MARGIN
@@ -194,6 +195,8 @@ def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
     shutil.copy(proven[1], path)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("bounds.npy", archive.read("bounds.npy"))
+        archive.comment = load.BLANK.encode()
+    load.seal_end(path)
 
     with pytest.raises(ft.InputError, match=r"`bounds\.npy`.*once"):
         ft.load(path)

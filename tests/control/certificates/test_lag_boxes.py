@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from forging import Opened
 from scipy.linalg import expm
 
 import flighttune as ft
@@ -185,7 +186,7 @@ def tables(tmp_path):
 @pytest.mark.parametrize("forgery", FORGERIES)
 def test_a_forged_box_in_a_file_is_not_valid(forgery, tables, tmp_path):
     tables["boxes"][0] |= FORGERIES[forgery](tables["boxes"][0])
-    (tmp_path / "proof.json").write_text(json.dumps(tables))
+    Opened(tables, {}, "", b"").write(tmp_path / "proof.json", anew=True)
 
     verified = ft.verify(tmp_path / "proof.json")
 
