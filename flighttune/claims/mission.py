@@ -227,9 +227,10 @@ def kept_mission(band: Band, file: Path) -> MissionOdds:
             if other.about.kind is TurnBack and other.volumes(band):
                 room, found = other, beside._asdict().items()
                 files |= {key: kept for key, kept in found if kept.exists()}
-    other = written(hourly, PER_HOUR) if hourly.exists() else None
-    if other is not None and _of_one_mission(other.plan, band.about.plan):
-        rate, files["per_hour"] = other, hourly
+    with suppress(InputError):  # of an earlier version, or changed: it is no part of the answer
+        other = written(hourly, PER_HOUR) if hourly.exists() else None
+        if other is not None and _of_one_mission(other.plan, band.about.plan):
+            rate, files["per_hour"] = other, hourly
     return MissionOdds(band=band, room=room, files=files, file=file, per_hour=rate)
 
 

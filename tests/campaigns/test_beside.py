@@ -304,11 +304,8 @@ def test_the_answer_has_both_errors_the_better_draws_and_the_lost_aircraft(made_
     """Seven of seven have a share of at least 0.025^(1/7), which is 59 %."""
     errors, _, better, terms, basis = made_up.answer().summary
 
-    assert errors == (
-        "By the largest errors of 7 flights, our law is better in cross track 3.5 m (yours ∞ m) "
-        "and course 3.5 deg (yours ∞ deg). Aircraft lost in 7 flights: your parameters 1 "
-        "(diverged), our law 0."
-    )
+    assert re.findall(r"[\d.]+ (?:m|deg)\b", errors) == ["3.5 m", "3.5 deg"]
+    assert "your parameters 1 (diverged), our law 0" in errors
     assert better == (
         "Draw by draw, our law has the smaller error in 7 for the cross track (59.0 to 100 %) "
         "and 7 for the course (59.0 to 100 %) of 7."
@@ -448,7 +445,8 @@ def test_a_comparison_of_flights_that_end_early_says_that_alone(file, tmp_path):
 
     assert said.status == 2
     assert said.found == "open"
-    (only,) = said.summary
+    only, condition = said.summary
+    assert "at 15.2 m/s" in condition
     assert re.search(r"\d of 2 flights with (your|our)", only)
     assert re.search(r"(alpha|V_a) left its range of \S+ to \d+", only)
     assert "fly faster" in only

@@ -275,10 +275,10 @@ def test_a_search_whose_flights_end_early_says_that_alone(file, plan, lost, of_y
 
     assert said.status == (2 if lost else 0)
     if lost:
-        first, aircraft = said.summary
+        first, condition = said.summary
         assert f"{lost} of 93 flights with the tuned ones" in first
         assert "alpha left its range of -14 to 16 deg (16.3 deg): fly faster" in first
-        assert aircraft.startswith("The aircraft is")
+        assert "jsbsim:aerosonde at 25 m/s" in condition
     assert not re.search(r"\b(inf|nan)\b|∞", " ".join(said.summary))
 
 

@@ -29,7 +29,7 @@ from flighttune.claims.counting import drawn
 from flighttune.claims.mission import MissionOdds
 from flighttune.claims.turn_back import TurnBack, TurnRoom
 from flighttune.flight.scenario.load import scenario_of
-from flighttune.outputs.answers.band import summary
+from flighttune.outputs.answers.band import lines
 from flighttune.routes.volumes import Volume, VolumesMap
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
@@ -368,7 +368,7 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     corridor = count_on(ft.Band, plan, away, middle)
     room = count_on(TurnBack, turned_back(plan), [271.2, 3.4])
 
-    assert "at most 5 m wide to either side of the path, and 2 m high" in summary(corridor)[2]
+    assert "at most 5 m wide to either side of the path, and 2 m high" in lines(corridor)[1]
     said = MissionOdds(band=corridor, room=room, files={}).answer()
     assert said.values["confidence"] == pytest.approx(1.0 - 0.1 - 0.1)
     assert "at a confidence of 0.8 for all that is said here" in said.summary[1]
@@ -418,7 +418,7 @@ def test_a_corridor_names_the_errors_of_navigation_in_it():
     # m, of each flight: errors of its place, then how far off it sees itself
     reach = np.linspace((1.0, 2.0, 0.1, 0.2), (7.0, 30.0, 0.8, 0.9), counted)
 
-    said = summary(replace(corridor, navigation=reach))[2]
+    said = lines(replace(corridor, navigation=reach))[1]
 
     # as many flights as inside; the corridor holds the errors with which it is flown
     beside, above, *seen = reach[counted - corridor.outside - 1].tolist()
@@ -426,7 +426,7 @@ def test_a_corridor_names_the_errors_of_navigation_in_it():
     assert parts == [f"{beside:.2g}", f"{min(above, 20.0):.2g}"]
     assert f"errors of at most {seen[0]:.2g} m and {seen[1]:.2g} m" in said
     assert said.endswith("for 95 % of the time once it has joined the path.")
-    assert "reach" not in summary(corridor)[2]  # a file of 0.4.0 has none
+    assert "reach" not in lines(corridor)[1]  # a file of 0.4.0 has none
     # the width of the corridor is their sum with what is left for holding the path
     for factor, navigation in ((1.0, beside), (20.0, 50.0)):
         terms = room.terms(replace(corridor, navigation=factor * reach))

@@ -40,7 +40,7 @@ def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason="", tu
         ({"at_most": {"chi": {"ITAE": 1.0}}},
          "chi.ITAE must be at most 1, got 1.745 (missed by 0.745)"),
         ({"at_most": {"chi": {"settling_s": 5.0}}},
-         "chi.settling_s must be at most 5, got nan (there is no value)"),
+         "chi.settling_s must be at most 5, got no value"),
     ],
 )  # fmt: skip
 def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
@@ -53,12 +53,12 @@ def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
 @pytest.mark.parametrize(
     ("band", "missed"),
     [
-        ({}, "chi.settling_s must be at most 5, got nan (there is no value): 5 % of the change is "
+        ({}, "chi.settling_s must be at most 5, got no value: 5 % of the change is "
          "0.15 deg, errors in the last quarter of the flight reach 0.6 deg"),
-        ({"band_deg": 0.5}, "chi.settling_s within 0.5 deg must be at most 5, got nan (there is no "
-         "value): the band is 0.5 deg, errors in the last quarter of the flight reach 0.6 deg"),
+        ({"band_deg": 0.5}, "chi.settling_s within 0.5 deg must be at most 5, got no "
+         "value: the band is 0.5 deg, errors in the last quarter of the flight reach 0.6 deg"),
         ({"band_deg": 1.0}, None),
-        ({"start_deg": 0.0}, "chi.settling_s must be at most 5, got nan (there is no value): no "
+        ({"start_deg": 0.0}, "chi.settling_s must be at most 5, got no value: no "
          "change is commanded of which 5 % could be a band: state `band_deg` beside it"),
     ],
 )  # fmt: skip

@@ -82,7 +82,7 @@ def flown(monkeypatch):
     """
     legs = []
 
-    def fly(leg):
+    def fly(leg, compiled):
         legs.append(leg)
         t, seed = np.arange(0.0, 240.0, DT), leg.seed
         size = (1.0 + (seed * 3) % 8) * (t - 10.0) / 230.0
@@ -126,7 +126,7 @@ def test_errors_of_a_log_stand_beside_those_of_eight_straight_flights_by_each_gr
 def test_a_straight_flight_that_ends_early_is_no_comparison(monkeypatch):
     monkeypatch.setattr(module, "chosen_entry", lambda leg, _: leg)
     ended = made_up_run({"cross_track": np.zeros(300)}, status="crashed", reason="It fell.")
-    monkeypatch.setattr(module, "fly_alone", lambda _: ended)
+    monkeypatch.setattr(module, "fly_alone", lambda _, compiled: ended)
 
     with pytest.raises(ft.InputError, match=r"a straight leg by rtk: .*It fell"):
         tracking(track(cross_track=3.0), "aerosonde", 25.0, 700.0)

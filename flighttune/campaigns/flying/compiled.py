@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from flighttune.base.errors import InputError
-from flighttune.base.files.table import json_object
 from flighttune.base.words import listed
 
 if TYPE_CHECKING:
@@ -42,6 +41,9 @@ class CompiledFlights:
         """The counts in a file; none where an earlier version wrote it, InputError if damaged."""
         if text is None:
             return cls()
+        # pydantic, which `--help` does without
+        from flighttune.base.files.table import json_object
+
         try:
             text = text.decode() if isinstance(text, bytes) else text
             counts = cls(**json_object(text, f"`{COMPILED}`"))

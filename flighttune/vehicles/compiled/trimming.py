@@ -140,5 +140,7 @@ def _set_motion(now: Properties) -> None:
     now.put(QUATERNION, q)
     velocity = times(to_body, now.vector(OVER_GROUND))
     now.put(INERTIAL_VELOCITY, times(transposed(matrix_of(q)), velocity))
-    now.put(INERTIAL_RATES, now.vector(RATES))
+    # The planet does not turn: its part is zeros, which decide the sign of a zero in the sum.
+    of_planet = times(matrix_of(q), [0.0, 0.0, 0.0])
+    now.put(INERTIAL_RATES, add(now.vector(RATES), of_planet))
     now.put(WIND, sub(_through_air(now, transposed(to_body)), now.vector(OVER_GROUND)))

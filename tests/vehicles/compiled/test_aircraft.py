@@ -207,5 +207,5 @@ def test_the_fleet_of_jsbsim_is_compiled_to_the_bit_or_refused_by_name(tmp_path,
 
 
 def test_most_of_the_fleet_is_compiled():
-    assert len(COMPILED) >= 40
+    assert len(COMPILED) >= 39
     assert not set(COMPILED) & REFUSED.keys()
