@@ -216,11 +216,15 @@ class PerHour(Answering):
 
     @property
     def sentence(self) -> str:
-        """The claim."""
+        """The claim, with all that is declared."""
+        return f"{self.rate}, with the rates of faults as declared: {listed(self.declared)}"
+
+    @property
+    def rate(self) -> str:
+        """The claim without what is declared."""
         return (
             f"At most {at_most(self.bound.total, 3)} flights per flight hour leave the volume of "
-            f"{self.volume.words}, at a confidence of {confidence_text(self.confidence)}, "
-            f"with the rates of faults as declared: {listed(self.declared)}"
+            f"{self.volume.words}, at a confidence of {confidence_text(self.confidence)}"
         )
 
     @property

@@ -116,7 +116,7 @@ def claims(mission: MissionOdds) -> dict[str, str]:
     if room is not None:
         stated["room to turn back"] = room.claim_words
     if hourly is not None:
-        stated["per flight hour"] = hourly.sentence
+        stated["per flight hour"] = f"{hourly.rate}, with the declared rates above"
     missing = FAILURES if hourly is None else "Faults of other kinds"
     stated["not in it"] = f"{missing}, errors of the crew, other traffic and injuries on the ground"
     if mission.terrain is None:
