@@ -132,7 +132,7 @@ def _hours() -> None:
     import flighttune as ft
     from flighttune.campaigns.engine.fliers import Fliers
     from flighttune.claims.counting import drawn
-    from flighttune.claims.leaving import Volume
+    from flighttune.claims.leaving import Around
     from flighttune.claims.per_hour import count_per_hour
     from flighttune.claims.rates_keys import RatesTable
 
@@ -140,11 +140,14 @@ def _hours() -> None:
     stated = ft.flights("circuit_in_wind", changes={"route.waypoint": [*north]}).knowing(None)
     fault = {"kind": "engine", "per_hour": 0.1, "source": "a log", "flights": 3}
     rates = RatesTable.model_validate({"flights": 3, "fault": [fault]})
-    corners = ((-99.0, -99.0), (99.0, -99.0), (99.0, 99.0), (-99.0, 99.0))
-    box = Volume(rings=(corners,), outside=(False,), low=None, high=50.0)
     file = Path("out.json")
     count_per_hour(
-        drawn(stated), rates, box, confidence=0.9, unfinished=file, fliers=Fliers(workers=1)
+        drawn(stated),
+        rates,
+        around=Around(width_m=99.0, high_m=50.0),
+        confidence=0.9,
+        unfinished=file,
+        fliers=Fliers(workers=1),
     ).save(file)
 
 

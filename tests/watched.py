@@ -6,9 +6,13 @@ from flighttune.flight.fly import fly_alone
 
 
 def turn(seconds, chi_deg, gamma_deg=0.0, **plant):
-    """The scenario of a turn of so many seconds from this start; `plant` is added to its table."""
+    """The scenario of a turn of so many seconds from this start; `plant` is added to its table.
+
+    Its reference begins where that of the shipped scenario does, as counted flights have it.
+    """
     start = {"duration_s": seconds, "chi_deg": chi_deg, "gamma_deg": gamma_deg}
     changes = {f"flight.{key}": value for key, value in start.items()}
+    changes |= {"reference.chi_from_deg": 0.0}
     tables = ft.load_scenario("level_turn", changes=changes).as_dict() | {"expect": []}
     tables["plant"] = [x | plant for x in tables["plant"] if x["kind"] == "jsbsim"]
     return ft.scenario_from(tables)

@@ -128,6 +128,11 @@ class DifferenceError(FlightTuneError, RuntimeError):
     """A compiled flight is not that of JSBSim, so that no compiled flight of its command is right.
 
     It is never an outcome of a flight: it ends the command, also from the processes of its workers.
+
+    Examples
+    --------
+    >>> issubclass(ft.loop.DifferenceError, ft.loop.PlantError)
+    False
     """
 
 

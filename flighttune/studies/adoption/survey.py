@@ -951,8 +951,9 @@ class _Model:
         fault = next(iter(faults.values()))
         past, measured = self._past_flight_control()
         # Only the dead surfaces are replaced, unless the flight control is at fault without them.
+        # A rudder whose command the model does not read is dead too.
         dead = faults.keys() - moved.keys()
-        for replaced in ({name: past[name] for name in past if name in dead}, past):
+        for replaced in ({name: past[name] for name in past if name not in moved}, past):
             if not replaced:
                 continue
             whole = {name: tables["surfaces"][name] for name in past} | replaced

@@ -202,8 +202,8 @@ def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
         ft.load(path)
 
 
-BOMB = 33_000_000
-"""Choices of a member of zeros: 132 MB, more than a tube may have, and 0.1 MB in the file."""
+BOMB = 70_000_000
+"""Choices of a member of zeros: 280 MB, more than a tube may have, and 0.3 MB in the file."""
 
 LITTLE = 20_000_000
 """Bytes that reading may take to refuse a file: that of `proven` has a thousandth of it."""
