@@ -24,7 +24,7 @@ import flighttune as ft
 from flighttune.base.units import DEG
 from flighttune.claims.tubes.enclosure import load_tube
 from flighttune.claims.tubes.sample import LIFT
-from flighttune.claims.tubes.tube import flights_inside, stated_problem, tube_of
+from flighttune.claims.tubes.tube import stated_problem, tube_of
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.loop.loop import simulate
 from flighttune.flight.models import gain_set
@@ -324,7 +324,7 @@ def tube_of_aircraft(name, path, folder):
         "largest_deg": widths.max(axis=0).tolist(),
         "end_deg": widths[-1].tolist(),
         "handed_over_s": found.handed_over,
-        "inside": flights_inside(found),
+        "inside": found.flown is not None and not found.flown.leave,
         "valid": valid,
         "verify_cpu_s": time.process_time() - began,
         "file_MB": file.stat().st_size / 1e6,

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 import flighttune as ft
+from flighttune.base.arrays import same_bits
 from flighttune.vehicles.compiled.face import CompiledStep, compiled
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.trim import level
@@ -54,10 +55,4 @@ def flown_by_both(aircraft, seconds, step=None, condition=None, **settings):
 
 def differing(flown):
     """Names of properties that are not equal to the bit in each step."""
-    return [name for name, rows in flown.items() if not same_bits(*rows)]
-
-
-def same_bits(a, b):
-    """Whether arrays are equal to the bit, also in the sign of a zero; NaN is equal to NaN."""
-    signs = (np.signbit(np.nan_to_num(x)) for x in (a, b))
-    return np.array_equal(a, b, equal_nan=True) and np.array_equal(*signs)
+    return [name for name, rows in flown.items() if not same_bits(*rows).all()]

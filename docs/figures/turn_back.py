@@ -74,7 +74,7 @@ def judged(name: str, folder: Path, flights: int) -> str:
     for area, _ in volumes.values():
         shapely.prepare(area)
     width = volumes[VOLUMES[0]][1]["width_m"]
-    plan = plan_in(room.about)
+    plan = plan_in(room.about.plan)
     plan = replace(plan, campaign=plan.campaign.model_copy(update={"seed": SEED})).with_runs(
         flights
     )

@@ -125,7 +125,7 @@ class CampaignError(FlightTuneError, RuntimeError):
 
 
 class DifferenceError(FlightTuneError, RuntimeError):
-    """A compiled flight is not that of JSBSim, so that no compiled flight of its command is right.
+    """A compiled flight differs from JSBSim's, so no compiled flight of a command can be trusted.
 
     It is never an outcome of a flight: it ends the command, also from the processes of its workers.
 
@@ -162,7 +162,8 @@ def keeping(*files: Path | None) -> Iterator[None]:
         yield
     except DifferenceError:
         for file in filter(None, files):
-            file.unlink(missing_ok=True)
+            with suppress(OSError):  # the difference is what must be reported
+                file.unlink(missing_ok=True)
         raise
     except StoppedError as stopped:
         there = [str(file) for file in files if file is not None and file.exists()]

@@ -200,12 +200,25 @@ class Dataset:
         """Remove the rows and recordings of compiled flights; returns how many runs these are."""
         removed = 0
         for part in self.parts:
-            if compiled_of(self.read_part(part, ["run"])).flights:
+            try:
+                compiled = compiled_of(self.read_part(part, ["run"])).flights
+            except RecordingError:  # damaged: its runs are flown again too
+                compiled = len(part.runs)
+            if compiled:
                 self.remove(part.path)
                 for run in {*part.runs} & {*self.kept}:
                     self.remove(_signals_of(run))
                 removed += len(part.runs)
         return removed
+
+    def remove_all(self) -> None:
+        """Remove the campaign, and its folders if nothing else is in them."""
+        parts, signals = (part.path for part in self.parts), map(_signals_of, self.kept)
+        for name in (*parts, *signals, CAMPAIGN, LOCK):
+            self.remove(name)
+        for folder in (RUNS, SIGNALS, WRITING, ""):
+            with suppress(OSError):  # something else is in it
+                (self.folder / folder).rmdir()
 
     def clean(self) -> None:
         """Remove the unfinished files of a campaign that was killed."""

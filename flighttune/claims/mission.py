@@ -99,6 +99,8 @@ class MissionOdds(Answering):
         A sentence on a change that lets the flights that ended early complete; else empty.
     per_hour : PerHour or None
         Exits per flight hour, if rates of faults were declared.
+    refused : str
+        Why a file of exits per flight hour beside the band is not used; else empty.
 
     Examples
     --------
@@ -116,6 +118,7 @@ class MissionOdds(Answering):
     terrain: str | Path | None = None
     way: str = ""
     per_hour: PerHour | None = None
+    refused: str = ""
 
     @property
     def beyond(self) -> list[tuple[int, str, Beyond]]:
@@ -221,17 +224,19 @@ def _remove_beside(band: Path) -> None:
 def kept_mission(band: Band, file: Path) -> MissionOdds:
     """A band along a route, with what the files beside it have counted of the same mission."""
     beside, hourly = FilesBeside.of(file), per_hour_beside(file)
-    files, room, rate = {"band": file}, None, None
+    files, room, rate, refused = {"band": file}, None, None, ""
     if beside.room.exists() and (other := written(beside.room, BAND)) is not None:
         with suppress(InputError):  # of another route, or nothing is claimed
             if other.about.kind is TurnBack and other.volumes(band):
                 room, found = other, beside._asdict().items()
                 files |= {key: kept for key, kept in found if kept.exists()}
-    with suppress(InputError):  # of an earlier version, or changed: it is no part of the answer
+    try:
         other = written(hourly, PER_HOUR) if hourly.exists() else None
         if other is not None and _of_one_mission(other.plan, band.about.plan):
             rate, files["per_hour"] = other, hourly
-    return MissionOdds(band=band, room=room, files=files, file=file, per_hour=rate)
+    except InputError as error:  # of an earlier version, or changed
+        refused = str(error)
+    return MissionOdds(band=band, room=room, files=files, file=file, per_hour=rate, refused=refused)
 
 
 def _of_one_mission(*plans: Mapping[str, Any]) -> bool:

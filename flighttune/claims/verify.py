@@ -58,8 +58,8 @@ CHOSEN = (
 )
 
 NO_SEAL = (
-    "Its file has no SHA-256, as those of flighttune 0.5.0 and before: what no proof takes, such "
-    "as names and notes, may have been changed."
+    "The file has no SHA-256, like those of flighttune 0.5.0 and before: entries that no proof "
+    "uses, such as names and notes, may have been changed."
 )
 
 

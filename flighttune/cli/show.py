@@ -205,7 +205,7 @@ def campaign_display() -> Iterator[CampaignDisplay]:
             said = "its flights are not kept, and nothing is written"
             if stopped.kept:
                 said = f"the same command goes on with the flights in {listed(stopped.kept)}"
-                said += "; those of this stage are not kept" * stopped.lost
+                said += "; the flights of this stage are not kept" * stopped.lost
             fail(f"interrupted: {said}", INTERRUPTED)
 
 

@@ -413,9 +413,9 @@ def check_flown(flown: FlownScenario) -> None:
 
 
 def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None, of: str = "") -> Run:
-    """The flight of a compiled run by JSBSim, also up to a time (s); DifferenceError if it differs.
+    """Repeat a compiled run in JSBSim, up to `until_s` (s) if given, and return JSBSim's run.
 
-    The error names the flight, after the words `of` what it is, and the first signal that differs.
+    DifferenceError names the flight, with `of` before it, and the first signal that differs.
     """
     try:
         again = fly_alone(entry, compiled=False, until_s=until_s)
@@ -440,11 +440,13 @@ def check_compiled(entry: Entry, run: Run, *, until_s: float | None = None, of: 
     return again
 
 
-def difference(subject: str, what: str) -> DifferenceError:
-    """The error about a compiled flight, or about several, that JSBSim flies otherwise."""
+def difference(
+    subject: str, what: str, remedy: str = "--jsbsim lets JSBSim fly, and its numbers are right"
+) -> DifferenceError:
+    """The error about a compiled flight, or about several, that differs from JSBSim's."""
     return DifferenceError(
-        f"{subject}: the compiled flight must be that of JSBSim, got another: {what}. Nothing of "
-        "this command is kept; with --jsbsim JSBSim flies, and its numbers are right."
+        f"{subject}: the compiled flight must be that of JSBSim, got another: {what}. No compiled "
+        f"flight of this command is kept; {remedy}."
     )
 
 

@@ -328,7 +328,9 @@ def _sampled(entry: Entry) -> Sampled:
 def _check_same(run: Run, flight: SlopedFlight) -> None:
     """Refuse slopes of a flight that does not equal JSBSim's to the bit."""
     if not run.signals.equals(flight.table(flight.rows.copy())):
-        raise difference(run.label, "its signals differ from those of the flight with slopes")
+        raise difference(
+            run.label, "its signals differ from those of the flight with slopes", "it has no slopes"
+        )
 
 
 def _measured(entry: Entry, table: pd.DataFrame) -> dict[str, float]:

@@ -1,8 +1,8 @@
 """Fly a plan into a folder, here or on a cluster; forecast its flights, time and disk space."""
 
-import shutil
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack
@@ -11,7 +11,13 @@ import pandas as pd
 
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import check_at_least
-from flighttune.base.errors import DifferenceError, InputError, RecordingError, StoppedError
+from flighttune.base.errors import (
+    DifferenceError,
+    InputError,
+    OutputError,
+    RecordingError,
+    StoppedError,
+)
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
 from flighttune.base.processors import cores
@@ -217,15 +223,17 @@ def run_campaign(
 
 def _without_compiled(dataset: Dataset, before: int, error: DifferenceError) -> DifferenceError:
     """The error of a campaign of so many runs before, after its compiled flights are removed."""
-    dataset.clean()
-    removed = dataset.remove_compiled()
-    if not before:
-        shutil.rmtree(dataset.folder, ignore_errors=True)
-        return error
-    return DifferenceError(
-        f"{error} {removed} runs of {dataset.folder} are removed, those of its files with compiled "
-        "flights: --resume flies them again."
-    )
+    with suppress(OutputError):  # the difference is what must be reported
+        dataset.clean()
+        if not before:
+            dataset.remove_all()
+            return error
+        removed = dataset.remove_compiled()
+        return DifferenceError(
+            f"{error} {removed} runs in files with compiled flights were removed from "
+            f"{dataset.folder}; --resume with --jsbsim flies them again."
+        )
+    return error
 
 
 def _by_group(dataset: Dataset, statuses: Sequence[str]) -> list[dict[str, Any]]:

@@ -45,7 +45,9 @@ class KeptRows:
         if file is None:
             return
         if other := self._read(file):
-            pool.observer.hear(f"{file}: was flown with other libraries: {other}: flown again.")
+            pool.observer.hear(
+                f"{file}: its flights are of other libraries ({other}) and are flown again."
+            )
         if self._rows:
             pool.observer.hear(f"{file}: {len(self)} flights are flown already.")
             pool.progress.add([*self._rows.values()])

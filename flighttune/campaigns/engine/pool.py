@@ -155,7 +155,7 @@ class WorkerPool:
 
     @contextmanager
     def checking(self) -> Iterator[None]:
-        """Count the flights of the block only as flown again."""
+        """Count the compiled flights and endings of the block only as flown again."""
         progress = self.progress
         before, endings = progress.compiled, [*progress.endings]
         yield

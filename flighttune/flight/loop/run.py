@@ -43,9 +43,6 @@ SCORE = "alarm_score"
 # Half width (rad) below which bounds count as that wide: a tube may begin at a point
 NARROWEST = 1e-9
 
-# Exit status where a claim says nothing of the flight that it was given for.
-COULD_NOT_SAY = 2
-
 # Tubes are proven, bands are counted.
 Kind: TypeAlias = Literal["proven", "counted"]
 

@@ -103,7 +103,10 @@ def findings(band: Band) -> list[PartFinding]:
     found = [*asked, *others_in_fence(band), *wind_of_turns(band)]
     if band.too_many_lost:
         said = f"of {flights} flights {band.lost}; at most {band.allowed} of {band.first} may."
-        return [PartFinding(found="not met", sentence=said, reason=_reason(band)), *found[1:]]
+        return [
+            PartFinding(found="not met", sentence=said, reason=_reason(band)),
+            *found[len(asked) :],
+        ]
     if asked:
         return found
     if not band.claims:
@@ -123,16 +126,13 @@ def _reason(band: Band) -> str:
 
 def in_fence(band: Band, tables: Mapping[str, Any]) -> PartFinding:
     """Whether the mission stays inside its fence."""
-    flights, slower, fenced = (
-        len(band.scores),
-        band.flights.route.except_slopes,
-        band.inside(tables),
-    )
+    flights, slower = len(band.scores), band.flights.route.except_slopes
+    fenced = band.inside(tables)
     if fenced.supported:
         slower += "," * bool(slower)
         said = f"the mission can be flown{slower} and stays inside its fence."
         return PartFinding(found="met", sentence=said)
-    reason, more = _reason(band), ""
+    reason = _reason(band)
     if band.about.until_sure:
         more = f"`flighttune band FILE --flights {2 * band.first}` may be enough."
         said = f"{fenced.sentence}."

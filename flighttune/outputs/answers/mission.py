@@ -40,19 +40,30 @@ def answer(mission: MissionOdds) -> Answer:
     if mission.per_hour is None:
         return counted
     said = mission.per_hour.answer()
-    shares, *others = said.lines
+    own = [*said.lines]
+    # Without a target no finding states the rate.
+    rate = [own.pop(0)] if mission.per_hour.table.target_per_hour is None else []
+    shares, *others = own
     odds, wide, *more = counted.lines
     # What is said of a whole flight comes first.
     short = [shares, wide, *(others[:-1] if counted.failure else [odds])]
     return replace(
         counted,
         findings=[*said.findings, *counted.findings],
-        lines=[*others, shares, odds, wide, *more],
+        lines=[*rate, *others, shares, odds, wide, *more],
         values={**counted.values, **said.values},
         tables=[*said.tables, *counted.tables],
         notes=[*said.notes, *counted.notes],
         aside=[*short, *said.aside, *counted.aside],
     )
+
+
+def hours_not_used(mission: MissionOdds) -> list[PartFinding]:
+    """What a refused file of exits per flight hour beside a band finds."""
+    if not mission.refused:
+        return []
+    said = f"the exits per flight hour beside it are not used: {mission.refused}"
+    return [PartFinding(found="reserve", sentence=said)]
 
 
 def _of_flights(mission: MissionOdds) -> Answer:
@@ -68,6 +79,7 @@ def _of_flights(mission: MissionOdds) -> Answer:
         *findings(band),
         *beyond_fences(mission, beyond),
         *corridor(mission),
+        *hours_not_used(mission),
     ]
     if seen.faults:
         notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
@@ -120,7 +132,7 @@ def beyond_fences(
                 found.append(PartFinding(found="not met", sentence=f"{said}.", reason=reason))
             else:
                 outside = name not in inner
-                why = f"; the fence bounds the {inner[-1]}, which lies inside of it" * outside
+                why = f"; the fence must hold the {inner[-1]}" * outside
                 found.append(PartFinding(found="reserve", sentence=f"{said}{why}."))
     return found
 

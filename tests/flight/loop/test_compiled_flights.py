@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from airframes import fdm_of
-from compiled_flights import same_bits
 
 import flighttune as ft
+from flighttune.base.arrays import same_bits
 from flighttune.base.files.code import JSBSIM
 from flighttune.base.units import FT
 from flighttune.flight.conditions import start_condition, weather_of
@@ -78,7 +78,7 @@ def assert_same(compiled, by_jsbsim):
     for first, second in zip(compiled, by_jsbsim, strict=True):
         assert (first.status, first.reason) == (second.status, second.reason)
         pd.testing.assert_frame_equal(first.signals, second.signals, check_exact=True)
-        assert same_bits(*(x.signals.to_numpy(dtype=float) for x in (first, second)))
+        assert same_bits(*(x.signals.to_numpy(dtype=float) for x in (first, second))).all()
 
 
 CASES = {

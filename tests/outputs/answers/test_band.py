@@ -155,7 +155,10 @@ def test_a_mission_fails_if_its_fence_or_its_target_per_hour_is_missed(
 ):
     band, said = fenced(straight, east), ["The shares.", "Engines matter."]
     of_hours = [PartFinding(found="not met" if missed else "met", sentence="0.1/h.", reason=missed)]
-    hourly = SimpleNamespace(answer=lambda: Answer(findings=of_hours, lines=said))
+    hourly = SimpleNamespace(
+        answer=lambda: Answer(findings=of_hours, lines=said),
+        table=SimpleNamespace(target_per_hour=1.0),
+    )
     _, odds, wide, holds = summary(band)
 
     counted = mission.MissionOdds(band=band, files={}, per_hour=hourly).answer()

@@ -211,6 +211,8 @@ def test_a_page_written_later_has_what_the_files_beside_the_band_count(mission, 
     moved = {**mission.per_hour.plan, "gains": []}
     replace(mission.per_hour, plan=moved).save(per_hour_beside(mission.file))
     try:
-        assert "per flight hour" not in ft.report(mission.file, later).path.read_text()
+        text = ft.report(mission.file, later).path.read_text()
+        assert "flights per flight hour" not in text
+        assert "per flight hour beside it are not used" in text
     finally:
         mission.per_hour.save(per_hour_beside(mission.file))
