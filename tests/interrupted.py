@@ -50,6 +50,8 @@ if __name__ == "__main__":
     import flighttune.cli.app
     import flighttune.vehicles.plants.jsbsim.trim  # noqa: F401
 
+    # A shell starts background commands, and so tests, with SIGINT ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     number, most = signal.Signals[sys.argv[1]], int(sys.argv[2])
     for at in range(most):
         with tempfile.TemporaryFile("w+") as file, contextlib.suppress(KeyboardInterrupt):

@@ -132,7 +132,7 @@ def beyond_fences(
                 found.append(PartFinding(found="not met", sentence=f"{said}.", reason=reason))
             else:
                 outside = name not in inner
-                why = f"; the fence must hold the {inner[-1]}" * outside
+                why = f"; the fence need only hold the {inner[-1]}" * outside
                 found.append(PartFinding(found="reserve", sentence=f"{said}{why}."))
     return found
 
