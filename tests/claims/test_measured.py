@@ -121,9 +121,9 @@ def test_a_flight_whose_values_do_not_hold_is_outside_unless_it_only_teaches():
 def test_half_of_the_flights_that_a_monitor_learns_from_teach_weights_and_half_limits():
     parts = []
 
-    def rows(plan, runs, probes, **more):
+    def rows(plan, runs, probes=(), **more):
         parts.append((*probes, list(runs)))
-        return flying.rows_flown(plan, runs, probes=probes, **more)
+        return flying.rows_flown(plan, runs, probes=probes or {}, **more)
 
     plan = small_plan(plants=[AEROSONDE])
     with flown_here(rows):
