@@ -4,7 +4,9 @@ import os
 
 
 def cores() -> int:
-    """Processor cores this process may use."""
+    """Processor cores this process may use; PYTHON_CPU_COUNT says it, as from Python 3.13 on."""
+    if (stated := os.environ.get("PYTHON_CPU_COUNT", "")).isdecimal() and int(stated):
+        return int(stated)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -9,6 +9,7 @@ from flighttune.base import errors, processors, screen
 
 
 def test_cores_are_those_of_this_process_or_of_the_machine(monkeypatch):
+    monkeypatch.delenv("PYTHON_CPU_COUNT", raising=False)
     assert processors.cores() == len(os.sched_getaffinity(0))
     monkeypatch.delattr(os, "sched_getaffinity")
     assert processors.cores() == os.cpu_count()

@@ -25,7 +25,7 @@ from fuzzing import first_or_all
 import flighttune as ft
 
 # real clusters, processes that are killed
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
+pytestmark = pytest.mark.slow
 
 RUNS = 80
 SEARCHES = [

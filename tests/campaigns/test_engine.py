@@ -24,7 +24,6 @@ from flighttune.base.errors import StoppedError
 from flighttune.campaigns.engine import pool
 
 pytestmark = pytest.mark.slow
-own_processes = pytest.mark.usefixtures("own_workers")
 
 MANY_LOOKS = 2000
 """A pool that waits for nothing looks as often in a second, one that waits for flights in 400 s."""
@@ -36,7 +35,6 @@ KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
 
 
 @pytest.mark.soak
-@own_processes
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
     """And neither this process nor one below it listens on an address."""
     monkeypatch.chdir(tmp_path)
@@ -68,7 +66,6 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
 
 
 @pytest.mark.soak
-@own_processes
 def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()
 
@@ -87,7 +84,6 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
 
 
 @pytest.mark.soak
-@own_processes
 def test_flights_go_on_where_no_worker_is_counted(tmp_path, monkeypatch):
     """Some schedulers start a worker for a task that waits, and end it after the task."""
     monkeypatch.setattr(pool.Threads, "threads", lambda self: 0)
@@ -99,7 +95,6 @@ def test_flights_go_on_where_no_worker_is_counted(tmp_path, monkeypatch):
     assert len(rows) == 8
 
 
-@own_processes
 def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=4)
     monkeypatch.setattr(sys, "executable", "/no/such/python")

@@ -46,7 +46,7 @@ from flighttune.campaigns.engine.flyer import Flyer
 from tests.cli.test_code_of_files import LAW
 
 # real clusters, processes that are killed
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
+pytestmark = pytest.mark.slow
 
 RUNS, WORKERS = 80, 2
 ENDINGS = [

@@ -21,8 +21,6 @@ from flighttune.campaigns.engine.flyer import Flyer, work_of
 from flighttune.campaigns.flying.rows import Draw
 from flighttune.cli.options import COMMANDS
 
-pytestmark = pytest.mark.usefixtures("own_workers")  # paths are those of the working folder
-
 LAW = """
     import math
     from pathlib import Path

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.base.errors import FORKS, DifferenceError, PlantError, ending_of, need_fork
 from flighttune.base.files import owned
-from flighttune.base.files.shipped import TRUST_AIRCRAFT
+from flighttune.base.files.shipped import OWN_AIRCRAFT, TRUST_AIRCRAFT
 from flighttune.base.files.whole import lock, reason_of, scratch_folder, scratch_place
 from flighttune.base.processors import cores
 
@@ -59,7 +59,8 @@ class Flyer:
 
     def __init__(self) -> None:
         need_fork("the flights of a campaign")
-        self.stopped = False
+        self.stopped = self._busy = False
+        self._started_in = _surroundings()
         _remove_abandoned()
         self._start()
 
@@ -69,10 +70,11 @@ class Flyer:
         # Runs during or before which a process ended. The first time, a user or the out-of-memory
         # killer may have killed it.
         suspects: set[tuple[int, bool]] = set()
+        self._busy = True
         while runs := draw.runs[len(answers) :]:
             ready, limit = False, PREPARE_S
             try:
-                self._pipe.send((work, draw._replace(runs=runs)))
+                self._pipe.send((_folder(), work, draw._replace(runs=runs)))
                 for _ in ("loaded", "compiled"):
                     limit = self._receive(limit + GRACE_S)
                     if isinstance(limit, str):  # a refusal
@@ -100,7 +102,13 @@ class Flyer:
                     late = "they take longer than `time_limit_s` and the time to load them"
                     ending = late if code == alarm else ending_of(code)
                     raise PlantError(f"the undispersed flights cannot be flown: {ending}") from None
+        self._busy = False
         return answers
+
+    def is_ready(self) -> bool:
+        """Whether it can fly what this process asks: all was answered, and nothing has changed."""
+        alive = self._process.poll() is None
+        return alive and not self._busy and self._started_in == _surroundings()
 
     def end(self) -> int:
         """End the process and remove its temporary files; return its exit code."""
@@ -146,20 +154,59 @@ class Flyer:
         return self._pipe.recv()
 
 
-# Processes that were started before there was work for them
-_READY: list[Flyer] = []
+# Processes without work: started before there was any, or kept for the next verb of a session,
+# which would wait for their imports again
+_READY: dict[int, list[Flyer]] = {}  # by the process that started them: its forks leave them alone
+
+
+def _ready() -> list[Flyer]:
+    return _READY.setdefault(os.getpid(), [])
 
 
 def get_ready(workers: int | None) -> None:
     """Start processes, by default one a core, while their command reads what they shall fly."""
     if FORKS:
-        atexit.register(lambda: [flyer.end() for flyer in _READY])
-        _READY.extend(Flyer() for _ in range(min(workers or cores(), cores())))
+        missing = min(workers or cores(), cores()) - len(_ready())
+        _ready().extend(Flyer() for _ in range(missing))
 
 
 def take_ready() -> Flyer | None:
-    """One of them, if there is one."""
-    return _READY.pop() if _READY else None
+    """One of the processes without work, if there is one that is ready."""
+    while ready := _ready():
+        flyer = ready.pop()
+        if flyer.is_ready():
+            return flyer
+        flyer.end()
+    return None
+
+
+def give_back(flyer: Flyer) -> None:
+    """Keep a process for the next verb, at most one a core, or end it."""
+    flyer.stopped = False
+    if flyer.is_ready() and len(_ready()) < cores():
+        _ready().append(flyer)
+    else:
+        flyer.end()
+
+
+@atexit.register
+def end_ready() -> None:
+    """End the processes without work."""
+    while (flyer := take_ready()) is not None:
+        flyer.end()
+
+
+def _surroundings() -> tuple[object, ...]:
+    """What a process takes from the one that starts it, besides its folder."""
+    names = ("HOME", "TMPDIR", "XDG_CACHE_HOME", "XDG_DATA_HOME", OWN_AIRCRAFT)
+    return tuple(map(os.environ.get, names))
+
+
+def _folder() -> str | None:
+    """The working folder, in which a process reads relative paths; None if it is gone."""
+    with suppress(OSError):
+        return os.getcwd()
+    return None
 
 
 def _remove_abandoned() -> None:

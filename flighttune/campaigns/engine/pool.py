@@ -11,7 +11,15 @@ from flighttune.base.errors import DifferenceError, StoppedError
 from flighttune.base.processors import cores
 from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, take_ready, work_of
+from flighttune.campaigns.engine.flyer import (
+    OF_THREAD,
+    Answer,
+    Flyer,
+    fly,
+    give_back,
+    take_ready,
+    work_of,
+)
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.flying import rows as flying
 from flighttune.campaigns.flying.compiled import CompiledFlights
@@ -53,7 +61,7 @@ class Threads:
             flyer.stopped = True
         self._executor.shutdown(cancel_futures=True)
         for flyer in self._flyers:
-            flyer.end()
+            give_back(flyer)
 
 
 class WorkerPool:

@@ -26,10 +26,15 @@ from flighttune.vehicles.aircraft.aircraft import files_hash
 def serve(pipe: Connection) -> None:
     """Fly the requests of the pipe until its other end is closed."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no core dump in the working folder
+    here = None
     with suppress(EOFError, OSError):  # the parent was killed
         while True:
-            work, draw = pipe.recv()
+            folder, work, draw = pipe.recv()
             try:
+                if folder not in (None, here):  # relative paths are those of the asking process
+                    os.chdir(here := folder)
+                    prepared.cache_clear()
+                    warm.cache_clear()
                 with _time_limit(PREPARE_S):
                     plan, fly, granted = prepared(work)
                     take(granted)
