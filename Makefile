@@ -6,11 +6,9 @@ PIP    := $(PYTHON) -m pip install --quiet --disable-pip-version-check
 UV     := UV_SYSTEM_CERTS=1 UV_NATIVE_TLS=1 $(PYTHON) -m uv
 DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
-# Three workers on two cores: tests wait for time limits, browsers and viewers a tenth of their time.
-# In their order, files with a single long test do not come last, when the other workers are done.
-PYTEST := $(PYTHON) -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo check test soak counts lint docs bench bounds clean picture-packages
+.PHONY: demo check test soak counts strength lint docs bench bounds clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
@@ -20,7 +18,7 @@ demo: $(STAMP)
 unexport PYTHONDONTWRITEBYTECODE
 
 # With two workers on two cores, threads of BLAS would spend their time waiting for each other.
-check test soak counts: export OPENBLAS_NUM_THREADS = 1
+check test soak counts strength: export OPENBLAS_NUM_THREADS = 1
 
 # The inner loop of whoever changes the code: style, the fast tests, and the types of the files that differ
 # from the main branch, checked while the tests run. The types of all files take longer than these tests;
@@ -37,19 +35,15 @@ check: $(STAMP)
 	$(PYTEST) -m "not (slow or soak or counts)"; tests=$$?; \
 	wait $$types; status=$$?; cat $(VENV)/pyright.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
-# What each process of the tests would compile: the kernel of kinematic campaigns, those of aircraft
-# and navigation, and the bytecode of the tests, of which collecting them writes all.
-SELECTED := "not (soak or counts)"
-COMPILED := $(VENV)/bin/flighttune --workers 1 campaign first_campaign --runs 4 -q --out
-
-# Style and types are checked while the tests run, and what they found is printed after them.
+# The types of all files take longer than the tests: `make check` looks at those that differ, CI at all.
 test: $(STAMP) picture-packages
-	$(MAKE) --no-print-directory lint > $(VENV)/lint.txt 2>&1 & lint=$$!; \
-	$(PYTHON) tests/compile_kernels.py & kernels=$$!; \
-	$(PYTHON) -m pytest --collect-only -m $(SELECTED) >/dev/null & bytecode=$$!; \
-	rm -rf $(VENV)/compiled; $(COMPILED) $(VENV)/compiled; wait $$kernels $$bytecode; \
-	$(PYTEST) -m $(SELECTED); tests=$$?; \
-	wait $$lint; status=$$?; cat $(VENV)/lint.txt; [ $$tests = 0 ] && [ $$status = 0 ]
+	$(WARM)
+	$(PYTEST) -m $(SELECTED)
+
+# Kernels that each process of the tests would compile: of aircraft and navigation, and of campaigns.
+SELECTED := "not (soak or counts)"
+WARM = $(PYTHON) tests/compile_kernels.py & rm -rf $(VENV)/compiled; \
+	$(VENV)/bin/flighttune --workers 1 campaign first_campaign --runs 4 -q --out $(VENV)/compiled; wait $$!
 
 # What takes long: whole commands, campaigns, missions, benchmarks, every picture at every size.
 soak: $(STAMP) picture-packages
@@ -58,6 +52,15 @@ soak: $(STAMP) picture-packages
 # Thousands of cases of what the other tests prove on a few; prints what became of every kind of file.
 counts: $(STAMP) picture-packages
 	$(PYTEST) -m counts -rP
+
+# Breaks LINES lines of the package on purpose, one after the other, and counts those that the tests
+# notice; in a clone of its own, which it writes to. The same SEED draws the same lines.
+LINES := 60
+strength: $(STAMP) picture-packages
+	rm -rf build/strength && git clone -q . build/strength
+	cd build/strength && export PYTHONPATH=$$PWD/tests:$$PWD && \
+	$(abspath $(PYTHON)) -m strength learn && \
+	$(abspath $(PYTHON)) -m strength score --lines $(LINES) $(if $(SEED),--seed $(SEED))
 
 # The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.
 lint: $(STAMP)

@@ -21,7 +21,7 @@ SELECTED = ["-n", "2", "--dist", "loadfile", "-m", "not (soak or counts)"]
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--learnt", type=Path, default=Path(".venv/strength.json.gz"))
+    parser.add_argument("--learnt", type=Path, default=Path("strength.json.gz"))
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("learn", help="with arguments of pytest, if not all tests are meant")
     two = commands.add_parser("score")
