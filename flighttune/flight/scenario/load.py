@@ -444,6 +444,8 @@ def existing_file(
     name = file.name.removesuffix(".toml")
     if name in shipped and file.parent in (Path(), *map(Path, folders)):
         return shipped[name]
+    if os.path.exists(file) and not os.path.isdir(file):
+        raise ScenarioError(f"{path}: the {kind} must be a regular file, got a pipe or a device.")
     taken_by = {
         "a scenario": ("fly", scenario_files()),
         "a campaign": ("campaign", campaign_files()),
