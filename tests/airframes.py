@@ -1,10 +1,11 @@
-"""Aircraft in JSBSim, and copies of their folders that can be changed or broken."""
+"""Aircraft in JSBSim, in weather or off the nominal, and copies of their folders to change."""
 
 import shutil
 
 from places import SHIPPED_AIRCRAFT
 
-from flighttune.vehicles.aircraft.aircraft import load_aircraft, save_gains
+from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft, save_gains
+from flighttune.vehicles.plants import weather as air
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.jsbsim.model_files import model_hash
 
@@ -12,6 +13,28 @@ from flighttune.vehicles.plants.jsbsim.model_files import model_hash
 def fdm_of(aircraft, **settings):
     """The flight dynamics of an aircraft in JSBSim."""
     return Fdm(load_aircraft(aircraft), **settings)
+
+
+def varied(aircraft, **keys):
+    """An aircraft with the keys of `airframe` in a scenario: factors, shifts and a fault."""
+    return load_aircraft(aircraft).with_off_nominal(off_nominal(**keys))
+
+
+def off_nominal(**keys):
+    """Factors, shifts and a fault by the keys of `airframe` in a scenario."""
+    return OffNominal.model_validate(keys)
+
+
+def blowing(wind=None, turbulence=None, gust=None, oscillation=None):
+    """Weather of a wind (north, east, down) or (height, wind) pairs, and of keys of the others."""
+    levels = wind and (wind if isinstance(wind[0], tuple) else ((0.0, wind),))
+    given = {
+        "wind": wind and air.WindProfile(levels),
+        "turbulence": turbulence and air.Turbulence(**turbulence),
+        "gust": gust and air.Gust(**gust),
+        "oscillation": oscillation and air.OscillatingWind(**oscillation),
+    }
+    return air.Weather(**{name: value for name, value in given.items() if value})
 
 
 def of_this_model(folder):
