@@ -44,6 +44,12 @@ def own(tmp_path):
 
 
 @pytest.fixture(scope="session")
+def beside():
+    """What the descriptions of FlightGear beside a main file state."""
+    return stated_beside
+
+
+@pytest.fixture(scope="session")
 def surveyed(tmp_path_factory):
     """What a survey at 1000 m finds of a model, with FlightGear's files beside it."""
 
