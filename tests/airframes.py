@@ -4,6 +4,7 @@ import shutil
 
 from places import SHIPPED_AIRCRAFT
 
+import flighttune as ft
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft, save_gains
 from flighttune.vehicles.plants import weather as air
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
@@ -12,12 +13,12 @@ from flighttune.vehicles.plants.jsbsim.model_files import model_hash
 
 def fdm_of(aircraft, **settings):
     """The flight dynamics of an aircraft in JSBSim."""
-    return Fdm(load_aircraft(aircraft), **settings)
+    return Fdm(ft.loop.JSBSimPlant(aircraft).config, **settings)
 
 
 def varied(aircraft, **keys):
     """An aircraft with the keys of `airframe` in a scenario: factors, shifts and a fault."""
-    return load_aircraft(aircraft).with_off_nominal(off_nominal(**keys))
+    return ft.loop.JSBSimPlant(aircraft, off_nominal=off_nominal(**keys)).config
 
 
 def off_nominal(**keys):

@@ -1,4 +1,4 @@
-"""Machine code of a traced step against the same source on floats, and slopes against differences."""
+"""Machine code of a traced step beside floats, and slopes beside differences."""
 
 import ctypes
 
