@@ -2,11 +2,13 @@
 
 import shutil
 
+import numpy as np
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft, save_gains
 from flighttune.vehicles.plants import weather as air
+from flighttune.vehicles.plants.base import AirPathPlant
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.jsbsim.model_files import model_hash
 
@@ -36,6 +38,16 @@ def blowing(wind=None, turbulence=None, gust=None, oscillation=None):
         "oscillation": oscillation and air.OscillatingWind(**oscillation),
     }
     return air.Weather(**{name: value for name, value in given.items() if value})
+
+
+def wind_record(t, wind):
+    """A wind that is linear between samples, for a point mass."""
+    return air.WindRecord(t=np.asarray(t), wind=np.asarray(wind))
+
+
+def seen_through_air(plant):
+    """A plant whose course and path angle are those through the air."""
+    return AirPathPlant(plant)
 
 
 def of_this_model(folder):

@@ -54,18 +54,6 @@ def test_a_jet_is_adopted(adopted):
 
 
 @pytest.mark.soak
-def test_other_commands_take_the_folder(adopted, tmp_path):
-    folder, found = adopted
-
-    flown = answer("fly", folder / "turn.toml", "--out", tmp_path / "out")
-    tuned = flown["runs"][0]
-
-    assert tuned["gains"] == found["flown"]["tuned"]["gains"]
-    assert tuned["metrics"]["chi"]["ITAE"] == pytest.approx(found["flown"]["tuned"]["ITAE"]["chi"])
-    assert answer("trim", folder, "--V-a", found["V_a_mps"], "--gamma", 0)["trims"][0]["trim"]
-
-
-@pytest.mark.soak
 def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     folder = shutil.copytree(adopted[0], tmp_path / "T38")
     file = folder / "gains.json"
@@ -102,14 +90,6 @@ def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
     assert "[limits], [design]; their keys are in docs/aircraft.md" in draft
     assert err.splitlines()[0] == "step 1 of 9: reading the model"
     assert err.splitlines()[-1].startswith(f"flighttune: {model}: refused: ")
-
-
-@pytest.mark.counts
-def test_an_airframe_without_stability_in_yaw_is_adopted(tmp_path):
-    # The reference point of the aerodynamics lies 650 in ahead of the centre of mass in XB-70.xml.
-    found = answer("adopt", "XB-70", "--out", tmp_path / "XB-70")
-
-    assert (found["status"], found["engines"]) == ("adopted", 6)
 
 
 @pytest.mark.counts
@@ -257,14 +237,6 @@ def test_a_folder_stands_for_its_only_main_file_or_that_of_its_name(own, refusal
 
     file.rename(file.parent / f"{file.parent.name}.xml")
     assert NO_WING in refusal(file.parent, status=1).splitlines()[-1]
-
-
-@pytest.mark.counts
-def test_an_aircraft_whose_path_angle_swings_gets_a_slower_inner_loop(tmp_path):
-    found = answer("adopt", "MD11", "--out", tmp_path / "MD11")  # 5 deg with the first one
-
-    assert found["status"] == "adopted"
-    assert found["flown"]["tuned"]["ST_deg"]["gamma"] < 0.5
 
 
 @pytest.mark.counts

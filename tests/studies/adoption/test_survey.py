@@ -136,7 +136,7 @@ MODELS = {
         {AS_LOADED[0]: [-20.05, 20.05], AS_LOADED[1]: [0.35, -0.35]}, [],
     ),
     "a clipped surface": (
-        [flown_by(gain("aileron", f"<gain>0.35</gain>{CLIP.format(-0.175, 0.5)}"))], {}, CLIPPED, [],
+        [flown_by(gain("aileron", f"<gain>0.35</gain>{CLIP.format(-0.175, 0.5)}"))], {}, CLIPPED, []
     ),
     "an aileron that drifts": (late(0.3), {}, {}, ["drifts while the aileron command is held"]),
     "an aileron that is late": (late(1.5), {}, {}, ["keeps moving after the aileron command"]),

@@ -244,16 +244,6 @@ def test_a_switch_that_changes_what_moves_stays_and_only_the_dead_surface_is_rep
         )
 
 
-@pytest.mark.soak
-def test_a_switch_that_is_set_to_0_is_no_question(surveyed, gated):
-    found = surveyed(gated({"elevator": GATES["product"][0]}), values={ON: 0.0})
-
-    assert says(found, {})
-    (said,) = (note for note in found.notes if "bypassed for its elevator" in note)
-    assert ON not in said
-    assert "replaces" not in found.tables["surfaces"]["aileron"]
-
-
 LEVER = "fcs/throttle-cmd-norm"
 
 
@@ -318,29 +308,3 @@ def test_a_property_that_is_read_late_is_0(surveyed, gated, whole, test):
 
     assert found.tables["declared"] == {LAMP: 0.0}
     assert is_same(found, whole)
-
-
-READS = {
-    "input": '<summer name="fcs/x"><input>{}</input></summer>',
-    "negated": '<summer name="fcs/x"><input>-{}</input></summer>',
-    "test": '<switch name="fcs/x"><default value="0"/><test value="1">{} gt 1</test></switch>',
-    "value": '<switch name="fcs/x"><default value="{}"/></switch>',
-    "gain": '<pure_gain name="fcs/x"><input>fcs/y</input><gain>{}</gain></pure_gain>',
-    "clipto": '<summer name="fcs/x"><input>aero/qbar-psf</input>'
-    "<clipto><min>-{}</min><max>1</max></clipto></summer>",
-    "table": '<fcs_function name="fcs/x"><function><table><independentVar>{}</independentVar>'
-    "<tableData>0 0\n1 1</tableData></table></function></fcs_function>",
-    "trigger": '<pid name="fcs/x"><input>aero/qbar-psf</input><trigger>{}</trigger></pid>',
-}
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("kind", READS)
-def test_a_property_is_found_by_each_element_that_reads_it(surveyed, gated, kind):
-    """The channel runs while the roll angle exceeds 12 degrees, which no survey flies."""
-    rolls = '<channel name="r"><fcs_function name="fcs/rolls"><function><gt><property>attitude/'
-    rolls += "phi-rad</property><value>0.2</value></gt></function></fcs_function></channel>"
-    part = READS[kind].format("a/late")
-    file = gated({}, more=f'{rolls}<channel name="l" execute="fcs/rolls">{part}</channel>')
-
-    assert surveyed(file).tables["declared"]["a/late"] == 0.0

@@ -3,11 +3,9 @@
 import math
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up import shortened
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
@@ -161,20 +159,6 @@ def test_a_flight_starts_alike_whether_its_trim_is_searched_or_remembered(change
         starts.append(plant.observe())
 
     assert starts[0] == starts[1]
-
-
-TURBOPROP = Path(__file__).parents[3] / "adopted/DHC6/turn.toml"
-STEADY = 1e-3
-"""Share by which thrust may change in the first second: the torque turns the aircraft."""
-
-
-@pytest.mark.counts
-def test_the_thrust_of_a_turboprop_does_not_fall_after_the_start():
-    run = ft.fly(shortened(TURBOPROP, 1.0, gains=["paper"])).runs[0]
-
-    assert run.status == "completed"
-    thrust = run.signals["thrust"]
-    assert thrust.iloc[-1] == pytest.approx(thrust.iloc[0], rel=STEADY)
 
 
 @pytest.mark.slow
