@@ -13,6 +13,7 @@ SCENARIOS = "\n".join(path.read_text("utf-8") for path in (ROOT / "scenarios").r
 DOCS = "\n".join(path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", AIRCRAFT_NAMES)
 def test_a_shipped_aircraft_has_its_trim_its_scenario_and_its_page(name):
     design = ft.loop.JSBSimPlant(name).config.design

@@ -18,7 +18,7 @@ ADOPTED = Path(__file__).parents[2] / "adopted"
 # Adopted aircraft of `make test`: one that is refused by a difference. `make soak` has a piston, a
 # turboprop and one whose start is refused, `make counts` the others.
 QUICK, LONGER = ("f16",), ("J3Cub", "DHC6", "Short_S23")
-MARKS = {"aerosonde": (), "x8": pytest.mark.soak}
+MARKS = {"x8": pytest.mark.soak}
 SHIPPED = [pytest.param(x, marks=MARKS.get(x, pytest.mark.slow)) for x in AIRCRAFT_NAMES]
 
 

@@ -60,6 +60,7 @@ def test_an_airspeed_outside_the_envelope_has_the_digits_that_it_deserves(V_a, g
     assert record["reason"] == said
 
 
+@pytest.mark.slow
 def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
 
@@ -181,6 +182,7 @@ def test_a_table_of_trims_is_over_the_envelope_and_climbs_of_minus_10_to_45_deg(
     assert [x["alpha_deg"] for x in level] == sorted((x["alpha_deg"] for x in level), reverse=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speeds", "climbs"), [((45.0, 60.0), (0.0,)), ((45.0,), (0.0, 60.0 * DEG, 3.0 * DEG))]
 )
