@@ -3,15 +3,12 @@
 import math
 
 import numpy as np
+from airframes import varied
 
 import flighttune as ft
-from flighttune.base.arrays import same_bits
-from flighttune.vehicles.compiled.face import CompiledStep, compiled
-from flighttune.vehicles.plants.jsbsim import properties
-from flighttune.vehicles.plants.jsbsim.trim import level
+from flighttune.vehicles.compiled import face
 
 SEED = 7
-COMMANDS = (properties.PHI_CMD, properties.N_Z_CMD)
 
 
 def commands(t):
@@ -20,19 +17,33 @@ def commands(t):
     return phi, 1.0 + 0.25 * math.sin(0.9 * t) + (0.3 if 8.0 < t < 9.0 else 0.0)
 
 
-def started(aircraft, condition=None, **settings):
+def step_of(config, weather=None, **settings):
+    """The compiled step of an aircraft in this weather; a step that is refused fails the test."""
+    turbulence, gust = (weather.turbulence, weather.gust) if weather else (None, None)
+    model = turbulence and turbulence.model
+    step = face.compiled(config, turbulence=model, gust=gust is not None, **settings)
+    assert isinstance(step, face.CompiledStep), step.reason
+    return step
+
+
+def why_not(aircraft, **keys):
+    """Why JSBSim flies an aircraft itself, with the keys of `airframe`; empty if it is compiled."""
+    return face.not_compiled(varied(aircraft, **keys))
+
+
+def started(aircraft, condition=None, fdm=None, **settings):
     """An aircraft in a flight, by default that of its design."""
     plant = ft.loop.JSBSimPlant(aircraft, seed=SEED, **settings)
     design = plant.config.design
-    plant.start(condition or level(plant.config, design.V_a, design.h))
+    plant.start(condition or ft.loop.FlightCondition(V_a=design.V_a, h=design.h), fdm)
     return plant
 
 
-def flown_by_both(aircraft, seconds, step=None, condition=None, **settings):
-    """Rows of each property that both show, by JSBSim and compiled."""
+def flown_by_both(aircraft, seconds, condition=None, *, starts=False, **settings):
+    """Rows of each property that both show, by JSBSim and compiled; `starts`: compiled too."""
     plant = started(aircraft, condition, **settings)
-    step = step or compiled(plant.config, steps=plant.fdm.steps)
-    assert isinstance(step, CompiledStep), step.reason
+    config, of_air = plant.config, settings.get("weather")
+    step = step_of(config, of_air, steps=settings.get("steps", 1))
     fdm, names = plant.fdm, step.names
     shown_by_both = {name: i for i, name in enumerate(names.properties) if fdm.shows(name)}
     read = [fdm.reader(name) for name in shown_by_both]
@@ -41,8 +52,10 @@ def flown_by_both(aircraft, seconds, step=None, condition=None, **settings):
     for k, row in enumerate(expected):
         assert plant.advance(*commands(k / fdm.rate), 1.0 / fdm.rate) is None
         row[:] = [value() for value in read]
-    start = step.start_from(started(aircraft, condition, **settings))
-    levers = [names.parameters.index(name) for name in COMMANDS]
+    by_code = face.evaluated(config, ground=settings.get("ground", 0.0)) if starts else None
+    assert bool(by_code) == starts
+    start = step.start_from(started(aircraft, condition, by_code, **settings))
+    levers = [names.parameters.index(f"ft/{name}") for name in ("phi-cmd-rad", "n_z-cmd")]
     shown = np.empty(len(names.signals) + len(names.properties))
     stream = step.normals(start.random, count)
     actual = np.empty_like(expected)
@@ -55,4 +68,4 @@ def flown_by_both(aircraft, seconds, step=None, condition=None, **settings):
 
 def differing(flown):
     """Names of properties that are not equal to the bit in each step."""
-    return [name for name, rows in flown.items() if not same_bits(*rows).all()]
+    return [name for name, rows in flown.items() if len({row.tobytes() for row in rows}) > 1]

@@ -3,17 +3,16 @@
 import math
 
 import numpy as np
-
-from flighttune.vehicles.aircraft.aircraft import OffNominal
-from flighttune.vehicles.plants.jsbsim import properties
+from airframes import off_nominal
 
 FT, LBF = 0.3048, 4.4482216152605  # m, N
 MASS, MOTOR = 11.0, 120.0  # kg, N
 J = {"ixx": 0.8244, "iyy": 1.135, "izz": 1.759, "ixz": 0.1204}  # kg m2
 S, SPAN, CHORD = 0.55, 2.8956, 0.18994
 CG_AFT = 0.31 * CHORD  # m behind the point the coefficients refer to
+SURFACES = "aileron", "elevator", "rudder"
 RHO_1000_M = 1.1116  # ISA
-NOMINAL = OffNominal()
+NOMINAL = off_nominal()
 
 
 def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
@@ -76,7 +75,7 @@ def measured(fdm):
 def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):
     """Put `fdm` into a state that no trim led to."""
     settings = {
-        properties.ENGAGED: 0.0,
+        "ft/engaged": 0.0,
         "ic/h-sl-ft": 1000.0 / FT,
         "ic/u-fps": V_a / FT * math.cos(alpha) * math.cos(beta),
         "ic/v-fps": V_a / FT * math.sin(beta),
@@ -84,8 +83,8 @@ def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):
         "ic/p-rad_sec": rates[0],
         "ic/q-rad_sec": rates[1],
         "ic/r-rad_sec": rates[2],
-        **dict(zip(properties.SURFACE_TRIMS, surfaces, strict=True)),
-        properties.THROTTLE_TRIM: throttle,
+        **{f"ft/{x}-trim-rad": y for x, y in zip(SURFACES, surfaces, strict=True)},
+        "ft/throttle-trim-norm": throttle,
     }
     for name, value in settings.items():
         fdm.writer(name)(value)

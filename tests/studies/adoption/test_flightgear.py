@@ -2,7 +2,6 @@
 
 import os
 import re
-import tomllib
 from pathlib import Path
 
 import jsbsim
@@ -10,10 +9,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.studies.adoption import flightgear
-from flighttune.studies.adoption.adopt import aircraft_text
-from flighttune.studies.adoption.survey import survey, wide_tables
-from flighttune.vehicles.aircraft.aircraft import aircraft_from
 
 SET = """<PropertyList{}><sim><flight-model>jsb</flight-model><aero>tuned</aero></sim>{}
 </PropertyList>"""
@@ -24,7 +19,7 @@ def fdm(text):
 
 
 @pytest.fixture
-def stated(tmp_path):
+def stated(tmp_path, beside):
     """What a description with a text in its root states, beside other files by name."""
 
     def stated(text="", include="", **files):
@@ -35,7 +30,7 @@ def stated(tmp_path):
             (folder / f"{name}.xml").write_text(f"<PropertyList>{content}</PropertyList>")
         included = f' include="{include}"' if include else ""
         (folder / "tuned-set.xml").write_text(SET.format(included, text))
-        return flightgear.of_flightgear(folder / "tuned-set.xml")[1]
+        return beside(folder / "tuned.xml")
 
     return stated
 
@@ -125,7 +120,7 @@ def test_what_is_not_read_is_said_of_the_properties_below_it(stated, tmp_path, i
 
 
 @pytest.mark.parametrize("size", ["wide", "deep", "large"])
-def test_what_a_description_includes_is_bounded(stated, size):
+def test_what_a_description_includes_is_bounded(stated, size, tmp_path):
     deep = "<a>" * 100 + "</a>" * 100
     files = {
         "wide": {"t": "<a include='u.xml'/>" * 20, "u": "<a include='v.xml'/>" * 20, "v": ""},
@@ -133,8 +128,10 @@ def test_what_a_description_includes_is_bounded(stated, size):
         "large": {"t": f"<!--{'x' * 8_000_000}-->"},
     }[size]
 
+    stated("<fdm include='t.xml'/>", **files)
+
     with pytest.raises(ft.InputError, match=r"at most (200 files with 8 MB|60 levels), got more"):
-        stated("<fdm include='t.xml'/>", **files)
+        ft.adopt(str(tmp_path / "Tuned/tuned-set.xml"), tmp_path / "mine")
 
 
 C172P = (Path(jsbsim.get_default_root_dir()) / "aircraft/c172p/c172p.xml").read_text("latin-1")
@@ -162,43 +159,30 @@ def aircraft(tmp_path):
     return write
 
 
-@pytest.fixture
-def surveyed(tmp_path):
-    def surveyed(file, **asked):
-        return survey(
-            wide_tables(str(file)),
-            tmp_path,
-            h=1000.0,
-            stated=flightgear.stated_beside(file),
-            **asked,
-        )
-
-    return surveyed
-
-
 TUNING = "<tuning n='0'><factor type='double'>{}</factor></tuning>"
 CDO, CLP = "aero/coefficient/CDo", "aero/coefficient/Clp"
 
 
-def glide_of_c172p(tmp_path):
-    return survey(wide_tables("c172p"), tmp_path, h=1000.0).glide_ratio
+@pytest.fixture(scope="module")
+def glide_of_c172p(surveyed):
+    return surveyed("c172p").glide_ratio
 
 
 @pytest.mark.slow
-def test_a_factor_that_flightgear_states_is_that_of_the_model(aircraft, surveyed, tmp_path):
+def test_a_factor_that_flightgear_states_is_that_of_the_model(aircraft, surveyed, glide_of_c172p):
     """With the factor 1 the aircraft is the c172p of the wheel, to the digit."""
     found = surveyed(aircraft(CDO, sets=[TUNING.format("1.0")]))
 
     assert found.tables["declared"]["tuning/factor"] == 1.0
-    assert found.glide_ratio == glide_of_c172p(tmp_path)
+    assert found.glide_ratio == glide_of_c172p
     assert "tuned-set.xml states tuning/factor = 1" in found.notes
     assert not found.switched_off
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("value", [0.5, 1.0])
 def test_what_a_system_defines_has_the_value_that_is_stated_before_it(
-    aircraft, surveyed, tmp_path, value
+    aircraft, surveyed, glide_of_c172p, value
 ):
     """JSBSim: "Property tuning/factor is already defined. Its value will not be overridden."."""
     system = f'<system name="s"><property value="{value}">tuning/factor</property></system>'
@@ -206,14 +190,14 @@ def test_what_a_system_defines_has_the_value_that_is_stated_before_it(
         CDO, sets=[TUNING.format(1.0)], changes=[("<flight_control", f"{system}<flight_control")]
     )
 
-    assert surveyed(file).glide_ratio == glide_of_c172p(tmp_path)
+    assert surveyed(file).glide_ratio == glide_of_c172p
 
 
-@pytest.mark.slow
-def test_what_is_set_stands_before_what_is_stated(aircraft, surveyed, tmp_path):
+@pytest.mark.soak
+def test_what_is_set_stands_before_what_is_stated(aircraft, surveyed, glide_of_c172p):
     file = aircraft(CDO, sets=[TUNING.format(0.25)])
 
-    assert surveyed(file, values={"tuning/factor": 1.0}).glide_ratio == glide_of_c172p(tmp_path)
+    assert surveyed(file, values={"tuning/factor": 1.0}).glide_ratio == glide_of_c172p
 
 
 @pytest.mark.slow
@@ -231,7 +215,7 @@ def test_a_coefficient_that_a_zero_switches_off_is_named_with_its_weight(aircraf
     assert "--set tuning/factor=VALUE states it" in said
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_two_zeros_in_a_product_are_both_named(aircraft, surveyed):
     file = aircraft(CDO, changes=[(FACTOR, f"{FACTOR}<property>/controls/other</property>")])
 
@@ -239,7 +223,7 @@ def test_two_zeros_in_a_product_are_both_named(aircraft, surveyed):
     assert drag.names == ("tuning/factor", "/controls/other")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("how", ["states", "sets"])
 def test_a_zero_that_is_stated_is_no_question(aircraft, surveyed, how):
     file = aircraft(CDO, sets=[TUNING.format("0")] if how == "states" else [])
@@ -265,7 +249,7 @@ def test_a_refusal_names_the_zero_that_may_be_its_reason(aircraft, surveyed):
 
 
 @pytest.mark.slow
-def test_gear_and_flaps_are_in_whatever_a_parked_aircraft_states(aircraft, surveyed, tmp_path):
+def test_gear_and_flaps_are_in_whatever_a_parked_aircraft_states(aircraft, surveyed):
     lever = '<system name="s"><channel name="s"><pure_gain name="s/drag"><input>systems/gear-cmd'
     lever += "</input><gain>1</gain></pure_gain></channel></system><flight_control"
     parked = "<systems><gear-cmd>1</gear-cmd></systems>"
@@ -293,10 +277,9 @@ def test_names_are_written_as_jsbsim_takes_them(aircraft, surveyed):
 
     found = surveyed(file, values={name: i + 0.123456789 for i, name in enumerate(NAMES)})
 
-    written = tomllib.loads(aircraft_text(found.tables, found.notes))["declared"]
+    written = found.tables["declared"]
     tree = jsbsim.FGFDMExec(jsbsim.get_default_root_dir()).get_property_manager()
     for i, name in enumerate(NAMES):
         (own,) = (key for key, x in written.items() if x == i + 0.123456789)
         nodes = [tree.get_node(x, True).get_fully_qualified_name() for x in (name, own)]
         assert nodes[0] == nodes[1]
-    assert aircraft_from(found.tables, file.parent).declared == written

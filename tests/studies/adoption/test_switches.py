@@ -6,8 +6,6 @@ from pathlib import Path
 import jsbsim
 import pytest
 
-from flighttune.studies.adoption import survey
-
 C172P = (Path(jsbsim.get_default_root_dir()) / "aircraft/c172p/c172p.xml").read_text("latin-1")
 
 CHANNELS = {"aileron": "Roll", "elevator": "Pitch", "rudder": "Yaw"}
@@ -109,13 +107,8 @@ def gated(tmp_path):
     return gated
 
 
-def surveyed(file, **asked):
-    folder = Path(file).parent if isinstance(file, Path) else Path()
-    return survey.survey(survey.wide_tables(str(file)), folder, h=1000.0, **asked)
-
-
 @pytest.fixture(scope="module")
-def whole():
+def whole(surveyed):
     """The survey of the c172p itself."""
     return surveyed("c172p")
 
@@ -142,14 +135,19 @@ def says(found, values):
 @pytest.mark.parametrize(
     ("kind", "axis"),
     [
-        pytest.param("two in series", "elevator", marks=pytest.mark.slow),
+        *(
+            pytest.param(*x, marks=pytest.mark.slow)
+            for x in (("mode", "aileron"), ("beside harm", "rudder"))
+        ),
         *(
             pytest.param(kind, axis, marks=pytest.mark.soak)
             for kind, axis in zip(GATES, [*CHANNELS] * len(GATES), strict=False)
         ),
     ],
 )
-def test_a_command_behind_switches_is_that_of_the_aircraft_with_them_on(gated, whole, kind, axis):
+def test_a_command_behind_switches_is_that_of_the_aircraft_with_them_on(
+    surveyed, gated, whole, kind, axis
+):
     gate, values = GATES[kind]
 
     found = surveyed(gated({axis: gate}))
@@ -183,9 +181,14 @@ TOGETHER = {
 }
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("kind", TOGETHER)
-def test_switches_of_several_commands_are_each_found(gated, whole, kind):
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(x, marks=pytest.mark.soak if x != "its own" else pytest.mark.slow)
+        for x in TOGETHER
+    ],
+)
+def test_switches_of_several_commands_are_each_found(surveyed, gated, whole, kind):
     gates, system, values = TOGETHER[kind]
 
     found = surveyed(gated(gates, system=system))
@@ -220,10 +223,12 @@ HARM = {
 }  # fmt: skip
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("kind", HARM)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(x, marks=pytest.mark.soak if x != "a bias" else pytest.mark.slow) for x in HARM],
+)
 def test_a_switch_that_changes_what_moves_stays_and_only_the_dead_surface_is_replaced(
-    gated, whole, kind
+    surveyed, gated, whole, kind
 ):
     found = surveyed(gated(HARM[kind]))
 
@@ -237,16 +242,6 @@ def test_a_switch_that_changes_what_moves_stays_and_only_the_dead_surface_is_rep
         assert surfaces[name]["travel_deg"] == pytest.approx(
             whole.tables["surfaces"][name]["travel_deg"], rel=1e-3
         )
-
-
-@pytest.mark.soak
-def test_a_switch_that_is_set_to_0_is_no_question(gated):
-    found = surveyed(gated({"elevator": GATES["product"][0]}), values={ON: 0.0})
-
-    assert says(found, {})
-    (said,) = (note for note in found.notes if "bypassed for its elevator" in note)
-    assert ON not in said
-    assert "replaces" not in found.tables["surfaces"]["aileron"]
 
 
 LEVER = "fcs/throttle-cmd-norm"
@@ -270,7 +265,7 @@ def lever(inside, before=""):
     ],
 )
 def test_a_throttle_behind_switches_is_that_of_the_aircraft_with_them_on(
-    gated, whole, text, values
+    surveyed, gated, whole, text, values
 ):
     found = surveyed(gated({}, more=text))
 
@@ -308,34 +303,8 @@ LATE = (
         for i, test in enumerate(LATE)
     ],
 )
-def test_a_property_that_is_read_late_is_0(gated, whole, test):
+def test_a_property_that_is_read_late_is_0(surveyed, gated, whole, test):
     found = surveyed(gated({}, more=lamp(test)))
 
     assert found.tables["declared"] == {LAMP: 0.0}
     assert is_same(found, whole)
-
-
-READS = {
-    "input": '<summer name="fcs/x"><input>{}</input></summer>',
-    "negated": '<summer name="fcs/x"><input>-{}</input></summer>',
-    "test": '<switch name="fcs/x"><default value="0"/><test value="1">{} gt 1</test></switch>',
-    "value": '<switch name="fcs/x"><default value="{}"/></switch>',
-    "gain": '<pure_gain name="fcs/x"><input>fcs/y</input><gain>{}</gain></pure_gain>',
-    "clipto": '<summer name="fcs/x"><input>aero/qbar-psf</input>'
-    "<clipto><min>-{}</min><max>1</max></clipto></summer>",
-    "table": '<fcs_function name="fcs/x"><function><table><independentVar>{}</independentVar>'
-    "<tableData>0 0\n1 1</tableData></table></function></fcs_function>",
-    "trigger": '<pid name="fcs/x"><input>aero/qbar-psf</input><trigger>{}</trigger></pid>',
-}
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("kind", READS)
-def test_a_property_is_found_by_each_element_that_reads_it(gated, kind):
-    """The channel runs while the roll angle exceeds 12 degrees, which no survey flies."""
-    rolls = '<channel name="r"><fcs_function name="fcs/rolls"><function><gt><property>attitude/'
-    rolls += "phi-rad</property><value>0.2</value></gt></function></fcs_function></channel>"
-    part = READS[kind].format("a/late")
-    file = gated({}, more=f'{rolls}<channel name="l" execute="fcs/rolls">{part}</channel>')
-
-    assert surveyed(file).tables["declared"]["a/late"] == 0.0

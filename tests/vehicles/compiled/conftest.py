@@ -2,8 +2,6 @@
 
 import pytest
 
-from flighttune.vehicles.compiled import face
-
 
 @pytest.fixture(scope="session")
 def shared_cache(tmp_path_factory):
@@ -12,17 +10,12 @@ def shared_cache(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def _own_cache(shared_cache, monkeypatch):
+def own_cache(shared_cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(shared_cache))
 
 
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
-    """A new folder, and nothing kept in the process."""
+    """A new folder of steps."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    kept = face._known, face._code, face._writing
-    for cached in kept:
-        cached.cache_clear()
-    yield tmp_path / "cache" / "flighttune" / "compiled"
-    for cached in kept:
-        cached.cache_clear()
+    return tmp_path / "cache" / "flighttune" / "compiled"

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 import flighttune as ft
-from flighttune.flight.loop.loop import simulate
-from flighttune.vehicles.plants.inertial import INERTIAL, inertial_errors
+from flighttune.vehicles.plants.inertial import inertial_errors
 
 RATE, G = 200.0, 9.80665
 GYRO, ACCELEROMETER = math.radians(0.05), 0.03 / G  # of a standard unit, per root Hz
@@ -61,7 +60,7 @@ def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_sho
     louder = inertial_errors(standard(4, n_z_bias_sd=0.2), 1000, RATE)
     assert np.array_equal(louder[:, :3], long[:, :3])
     assert not np.any(long == inertial_errors(standard(5), 1000, RATE))
-    assert len({*long[500]}) == len(INERTIAL)
+    assert len({*long[500]}) == 6
 
 
 def flown(navigation, rate_hz=50.0):
@@ -80,7 +79,7 @@ def busy(signals, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [50.0, 400.0])
+@pytest.mark.parametrize("rate_hz", [50.0, pytest.param(400.0, marks=pytest.mark.soak)])
 def test_elevator_and_rudder_are_busier_and_the_path_is_the_same(rate_hz):
     """At 400 Hz JSBSim makes two steps in a sample of the inner loop, with one error."""
     steady, shaken = flown({}, rate_hz), flown({"inner_loop": True}, rate_hz)
@@ -88,28 +87,6 @@ def test_elevator_and_rudder_are_busier_and_the_path_is_the_same(rate_hz):
     for name in ("elevator", "rudder"):
         assert busy(shaken, name) > 1.5 * busy(steady, name)
     assert np.abs(shaken["chi"] - steady["chi"]).max() < math.radians(0.5)
-
-
-@pytest.mark.slow
-def test_a_plant_that_flies_again_reads_true_rates_again():
-    condition = ft.loop.FlightCondition(V_a=25.0, h=150.0)
-
-    def rudder(plant, navigation):
-        signals, stop = simulate(
-            plant, ft.loop.MimoPI(ft.PAPER_GAINS, plant.limits, dt=0.02),
-            ft.loop.Reference(chi=0.0, gamma=0.0),
-            condition=condition, duration=1.0, navigation=navigation,
-        )  # fmt: skip
-        assert stop is None
-        return signals["rudder"].to_numpy()
-
-    # Four steps of JSBSim at 200 Hz are a sample of 0.02 s.
-    plant, fresh = (ft.loop.JSBSimPlant("aerosonde", steps=4) for _ in range(2))
-    shaken = rudder(plant, standard())
-
-    true = rudder(fresh, None)
-    assert np.array_equal(rudder(plant, None), true)
-    assert not np.array_equal(shaken, true)
 
 
 def test_a_plant_without_an_inner_loop_is_refused():

@@ -2,31 +2,31 @@
 
 import math
 import re
+from dataclasses import fields
 
 import numpy as np
-import pandas as pd
 import pytest
 from places import ROOT
-from scipy.linalg import solve_discrete_are
 from scipy.signal import welch
 from scipy.spatial import cKDTree
 
 import flighttune as ft
-from flighttune.base.files.code import JSBSIM
-from flighttune.flight.loop import loop
-from flighttune.vehicles.navigation_keys import NavigationTable
-from flighttune.vehicles.plants import navigation as model
-from flighttune.vehicles.plants.sensors import motion_seen
+from flighttune.vehicles.plants.navigation import ReceiverFault
 
 DT, V = 0.02, 25.0
 G, DEG = 9.80665, math.pi / 180.0
-ZERO = {name: 0.0 for name in model.GRADES["standard"] if name not in model.POSITIVE}
+GRADES = "rtk", "standard", "poor"
+ERRORS = (
+    *("V_a", "phi", "n_z", "north", "east", "h", "v_north", "v_east", "v_up"),
+    *("wind_north", "wind_east", "wind_down", "acceleration"),
+)
+"""Columns of errors, seen minus true."""
+KEYS = [x.name for x in fields(ft.loop.Navigation) if x.name not in ("seed", "fault", "inner_loop")]
+ZERO = {name: 0.0 for name in KEYS if not re.search("time_constant|filter_|period", name)}
 SMALL = np.finfo(float).eps * 1000.0
 
 # EKF2_ACC_NOISE, EKF2_GYR_NOISE, EKF2_GYR_B_NOISE, EKF2_GPS_P_NOISE, EKF2_GPS_V_NOISE, EKF2_TAU_POS
 ACC, GYR, GYR_B, GPS_P, GPS_V, TAU = 0.35, 0.015, 1e-3, 0.5, 0.3, 0.25
-ACC_B = 3e-3  # EKF2_ACC_B_NOISE
-SETTLED = 0.003
 """Relative difference from the steady state after 60 s."""
 
 
@@ -34,112 +34,13 @@ def standard(**numbers):
     return ft.loop.Navigation.of("standard", **numbers)
 
 
-def pairs(n):
-    """Errors of position, velocity and tilt along both axes in n flights, shape (n, 2, 3)."""
-    level, _ = model.axes(standard(), DT)
-    return level.drawn(1, *np.random.default_rng(1).spawn(2 * n))[:, :, 0].reshape(n, 2, -1)
-
-
-def covariances(A, assumed, assumed_of_fix, driven, noise, slow, seconds):
-    """Covariance of the errors at each sample, without a random number, from an exact start.
-
-    `assumed` are densities and deviations that the filter knows, `driven` and `noise` the true
-    ones, and `slow` the fix, the deviation and the time constant of each slow error.
-    """
-    m, period = len(A), model.GRADES["standard"]["period"]
-    every, n, H = round(period / DT), 2 * m + len(slow), np.eye(2, m)
-    powers = [np.linalg.matrix_power(A, i) for i in range(every)]
-    Q = sum(p @ np.diag(np.square(assumed)) @ p.T for p in powers) * 0.01 * DT
-    R = np.diag(np.square(assumed_of_fix))
-    P = solve_discrete_are(np.linalg.matrix_power(A, every).T, H.T, Q, R)
-    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-
-    step, fix, output = np.eye(n), np.eye(n), np.eye(n)
-    step[:m, :m] = A
-    fix[m : 2 * m] -= K @ np.hstack([H, H, np.zeros((2, len(slow)))])
-    fix[m : 2 * m, 2 * m :] += K @ np.eye(2)[:, [which for which, *_ in slow]]
-    output[:m, m : 2 * m] = DT / TAU * np.eye(m)
-    output[m : 2 * m, m : 2 * m] = (1.0 - DT / TAU) * np.eye(m)
-    white = np.zeros((n, n))
-    white[m : 2 * m, m : 2 * m] = K @ np.diag(np.square(noise)) @ K.T
-    decay = np.array([math.exp(-period / tau) for *_, tau in slow])
-    variance = np.square([sd for _, sd, _ in slow])
-    D = np.diag([*np.ones(2 * m), *decay])
-    P = np.diag([*np.zeros(2 * m), *variance])
-    for k in range(round(seconds / DT)):
-        P = step @ P @ step.T
-        P[range(m), range(m)] += np.square(driven) * DT
-        if k % every == 0:
-            P = fix @ P @ fix.T + white
-        P = output @ P @ output.T
-        if k % every == every - 1:
-            P = D @ P @ D
-            P[range(2 * m, n), range(2 * m, n)] += (1.0 - decay**2) * variance
-        yield P
-
-
-@pytest.mark.slow
-def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
-    """Over the last 50 s of 200 s."""
-    x = model.GRADES["standard"]
-    A = np.array([[1, DT, G * DT * DT / 2, 0], [0, 1, G * DT, 0], [0, 0, 1, -DT], [0, 0, 0, 1]])
-    slow = [
-        (0, x["position_sd"], x["position_time_constant"]),
-        (0, x["position_fast_sd"], x["position_fast_time_constant"]),
-        (1, x["velocity_sd"], x["velocity_time_constant"]),
-    ]
-    driven = 0.0, x["accelerometer_noise"], x["gyro_noise"], x["gyro_walk"]
-    noise, assumed = (x["position_noise"], x["velocity_noise"]), (0.0, ACC, GYR, GYR_B)
-    found = [*covariances(A, assumed, (GPS_P, GPS_V), driven, noise, slow, 200.0)]
-
-    late = np.mean([np.diag(P)[:3] for P in found[round(150 / DT) :]], axis=0)
-    position, velocity, tilt = np.sqrt(late)
-
-    assert (position, velocity, tilt / DEG) == pytest.approx((1.527, 0.0657, 0.133), rel=0.005)
-    sd = np.std(pairs(2000)[:, 0], axis=0)
-    five_sigma = 5.0 / math.sqrt(2.0 * 2000)
-    assert sd == pytest.approx((position, velocity, tilt), rel=five_sigma)
-
-
-def test_the_deviation_of_climb_is_that_of_the_covariance_recursion():
-    """Its accelerometer is twice as noisy; its slow error is half as large as its noise."""
-    # A filter that trusts its fixes settles soon, and lets their slow error through.
-    soon = {"filter_height": 0.5, "filter_climb": 0.1, "climb_time_constant": 10.0}
-    x = model.GRADES["standard"] | soon
-    A = np.array([[1, DT, DT * DT / 2], [0, 1, DT], [0, 0, 1]])
-    slow = [
-        (0, x["height_sd"], x["height_time_constant"]),
-        (1, 0.5 * x["climb_noise"], x["climb_time_constant"]),
-    ]
-    driven, noise = (
-        (0.0, 2.0 * x["accelerometer_noise"], 0.0),
-        (x["height_noise"], x["climb_noise"]),
-    )
-    assumed_of_fix = x["filter_height"], x["filter_climb"]
-    *_, last = covariances(A, (0.0, ACC, ACC_B), assumed_of_fix, driven, noise, slow, 60.0)
-
-    _, up, _ = standard(**soon).path_sd(DT, V)
-
-    assert up * V == pytest.approx(math.sqrt(last[1, 1]), rel=SETTLED)
-
-
-@pytest.mark.slow
-def test_half_of_the_fixes_are_within_the_circular_error_probable():
-    """CEP is 1.1774 deviations: the median of a Rayleigh distribution."""
-    places = pairs(2000)[:, :, 0]
-
-    cep = np.median(np.hypot(*places.T)) / np.std(places)
-
-    assert cep == pytest.approx(1.1774, rel=0.05)  # 3 sigma of a median of 2000
-
-
 @pytest.mark.soak
-@pytest.mark.parametrize("grade", model.GRADES)
+@pytest.mark.parametrize("grade", GRADES)
 def test_the_page_has_the_deviations_of_a_moment(grade):
     drawn = np.array(
         [ft.loop.Navigation.of(grade, seed=seed).errors(1, DT, V)[0] for seed in range(200)]
     )
-    sd = dict(zip(model.ERRORS, np.std(drawn, axis=0), strict=True))
+    sd = dict(zip(ERRORS, np.std(drawn, axis=0), strict=True))
     sd |= {"phi": sd["phi"] / DEG}
 
     text = (ROOT / "docs/navigation.md").read_text().partition("| at a moment")[2]
@@ -147,7 +48,7 @@ def test_the_page_has_the_deviations_of_a_moment(grade):
     names = "north", "v_east", "h", "v_up", "phi", "n_z", "V_a", "wind_east"
     four_sigma = 4.0 / math.sqrt(2.0 * len(drawn))
     for name, row in zip(names, rows, strict=True):
-        written = float(row[2 + [*model.GRADES].index(grade)].split()[0])
+        written = float(row[2 + GRADES.index(grade)].split()[0])
         assert sd[name] == pytest.approx(written, rel=four_sigma), name
 
 
@@ -157,7 +58,7 @@ def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_sho
     for samples in (1, 7, 333):
         assert np.array_equal(standard(seed=4).errors(samples, DT, V), long[:samples])
     louder = standard(seed=4, wind_sd=3.0).errors(1000, DT, V)
-    same = [i for i, name in enumerate(model.ERRORS) if not name.startswith("wind")]
+    same = [i for i, name in enumerate(ERRORS) if not name.startswith("wind")]
     assert np.array_equal(louder[:, same], long[:, same])
     assert not np.any(long == standard(seed=5).errors(1000, DT, V), axis=0)[:10].any()
 
@@ -169,24 +70,10 @@ def test_errors_to_the_north_and_to_the_east_are_drawn_apart(pair):
     short = {f"{name}_time_constant": 1.0 for name in ("wind", "position", "velocity")}
     drawn = standard(seed=1, position_fast_time_constant=1.0, **short).errors(20_000, DT, V)
 
-    north, east = (drawn[:, model.ERRORS.index(name)] for name in pair)
+    north, east = (drawn[:, ERRORS.index(name)] for name in pair)
 
     # 400 s hold 200 independent values of a time constant of 1 s
     assert abs(np.corrcoef(north, east)[0, 1]) < 5.0 / math.sqrt(200)
-
-
-@pytest.mark.parametrize("gamma", [-0.3, 0.0, 0.2])
-def test_the_motion_seen_is_the_velocity_with_its_error(gamma):
-    chi, V_g, error = 2.8, 21.0, (0.7, -1.1, 0.4)
-    true = V_g * np.array([math.cos(chi), math.sin(chi), math.tan(gamma)])
-    north, east, up = true + error
-
-    turned, climbed, seen = motion_seen(chi, gamma, V_g, error)
-
-    assert seen == pytest.approx(math.hypot(north, east), rel=SMALL)
-    assert chi + turned == pytest.approx(math.atan2(east, north) % math.tau, rel=SMALL)
-    assert gamma + climbed == pytest.approx(math.atan2(up, seen), abs=SMALL)
-    assert motion_seen(chi, gamma, V_g, (0.0, 0.0, 0.0)) == (0.0, 0.0, V_g)
 
 
 TURNS = [
@@ -208,11 +95,14 @@ def flown(navigation=None, gains="tuned_fed_back", **tables):
     return run
 
 
-NUMBERS = NavigationTable.model_fields.keys() - {"grade", "period_s", "fault", "inner_loop"}
+SOURCES = (ROOT / "docs/navigation.md").read_text().partition("## Numbers and sources")[2]
+TOLD = {
+    key
+    for row in re.findall(r"^\| (`.+?) \|", SOURCES, re.MULTILINE)
+    for key in re.findall(r"`(\w+)`", row)
+}
 EXACT = {"grade": "poor"} | {
-    key: 0.0
-    for key in NUMBERS
-    if not (key.endswith("time_constant_s") or key.startswith("filter_"))
+    key: 0.0 for key in TOLD if not re.search("time_constant|filter_|period", key)
 }
 NPFG = {"kind": "autopilot", "name": "px4", "parameters": {"NPFG_PERIOD": 10.0}}
 PX4 = {"law": [NPFG], "gains": "paper"}
@@ -230,47 +120,6 @@ def test_a_grade_scaled_to_zero_is_the_exact_flight_to_the_bit(made_by):
         assert np.array_equal(scaled[name], values, equal_nan=True), name
     for name in ("chi", "n_z", "north", "h", "wind_east"):
         assert np.array_equal(scaled[f"{name}_meas"], scaled[name])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("known", [{}, {"inner_loop": True}])
-def test_a_compiled_route_is_that_of_jsbsim(monkeypatch, known):
-    pytest.importorskip("numba")
-    air = WIND | {"turbulence": {"intensity": "light"}}
-    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
-    monkeypatch.setattr(loop, "EXPECTED", 0.3)  # errors are drawn on in flight
-    compiled = flown(known, **air)
-    monkeypatch.setenv(JSBSIM, "1")
-    by_jsbsim = flown(known, **air)
-    monkeypatch.setattr(loop, "COMPILED_FROM", math.inf)
-    plain = flown(known, **air)
-
-    assert (compiled.compiled, by_jsbsim.compiled) == (True, False)
-    pd.testing.assert_frame_equal(compiled.signals, by_jsbsim.signals, check_exact=True)
-    pd.testing.assert_frame_equal(plain.signals, by_jsbsim.signals, check_exact=True)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("from_sample", [0, math.inf])
-def test_errors_are_drawn_as_far_as_a_route_is_flown(monkeypatch, from_sample):
-    """A flight that may last 10,000 s draws those of its 63 s; a slow one draws on, to the bit."""
-    monkeypatch.setattr(loop, "COMPILED_FROM", from_sample)
-    drawn, errors = [], ft.loop.Navigation.errors
-
-    def counted(of, samples, *others):
-        drawn.append(samples)
-        return errors(of, samples, *others)
-
-    monkeypatch.setattr(ft.loop.Navigation, "errors", counted)
-    lasts = {"flight": ft.load_scenario("circuit").as_dict()["flight"] | {"duration_s": 10_000.0}}
-    long = flown({"grade": "standard"}, **lasts)
-    (once,) = drawn
-    monkeypatch.setattr(loop, "EXPECTED", 0.1)
-    again = flown({"grade": "standard"}, **lasts)
-
-    assert len(long.signals) < once < 1.5 * len(long.signals)
-    assert len(drawn) > 3
-    pd.testing.assert_frame_equal(long.signals, again.signals, check_exact=True)
 
 
 @pytest.mark.slow
@@ -348,30 +197,8 @@ def test_a_path_through_the_air_is_refused():
         ft.scenario_from(made)
 
 
-def test_every_number_of_a_grade_has_its_key():
-    for grade, numbers in model.GRADES.items():
-        made = NavigationTable(grade=grade).navigation(7)
-        assert {name: getattr(made, name) for name in numbers} == dict(numbers)
-    table = NavigationTable(roll_noise_deg=1.0, gyro_noise=2.0, wind_lag_s=3.0, position_sd_m=4.0)
-    made = table.navigation(0)
-    assert (made.roll_noise, made.gyro_noise) == pytest.approx((DEG, 2.0 * DEG), rel=SMALL)
-    assert (made.wind_lag, made.position_sd, made.period) == (3.0, 4.0, 0.2)
-
-
-@pytest.mark.parametrize("grade", ["rtk", "standard", "poor"])
-def test_compiled_errors_have_the_bits_of_numpy_and_scipy(grade):
-    pytest.importorskip("numba")
-    of = ft.loop.Navigation.of(grade, seed=4)
-    compiled = loop.compiled_arithmetic(loop.COMPILED_FROM)
-    assert compiled is not loop.NUMPY
-    for samples, dt in ((1, 0.02), (1203, 0.02), (350, 0.05), (90, 0.25)):
-        plain = of.errors(samples, dt, 30.0)
-        assert (of.errors(samples, dt, 30.0, compiled) == plain).all()
-
-
 def test_the_page_has_the_numbers_of_the_grades():
-    text = (ROOT / "docs/navigation.md").read_text().partition("## Numbers and sources")[2]
-    rows = [line.split("|")[1:5] for line in text.splitlines() if line.startswith("| `")]
+    rows = [line.split("|")[1:5] for line in SOURCES.splitlines() if line.startswith("| `")]
     written = {}
     for names, *cells in rows:
         for place, key in enumerate(re.findall(r"`(\w+)`", names)):
@@ -382,7 +209,7 @@ def test_the_page_has_the_numbers_of_the_grades():
     assert len(written) == 28
     for name, numbers in written.items():
         # The page has two digits.
-        assert [model.GRADES[grade][name] for grade in model.GRADES] == pytest.approx(
+        assert [getattr(ft.loop.Navigation.of(grade), name) for grade in GRADES] == pytest.approx(
             numbers, rel=0.02
         ), name
 
@@ -394,10 +221,10 @@ ALIASED = 0.03
 def test_densities_and_deviations_are_those_of_drawn_errors():
     """Estimated over 1000 s, of processes that forget within a few seconds."""
     n, segment = 50_000, 4096
-    quick = {name: 2.0 for name in model.GRADES["standard"] if name.endswith("time_constant")}
+    quick = {name: 2.0 for name in KEYS if name.endswith("time_constant")}
     quick |= {"position_sd": 0.2, "height_sd": 0.2, "filter_velocity": 0.1, "filter_climb": 0.2}
     of = standard(seed=3, gyro_walk=1e-3, **quick)
-    drawn = dict(zip(model.ERRORS, of.errors(n, DT, V).T, strict=True))
+    drawn = dict(zip(ERRORS, of.errors(n, DT, V).T, strict=True))
     seen = {
         "chi": drawn["v_east"] / V, "gamma": drawn["v_up"] / V, "V_a": drawn["V_a"] / V,
         "phi": drawn["phi"], "n_z": drawn["n_z"],
@@ -429,34 +256,28 @@ def test_the_constant_parts_of_errors_have_their_deviations():
     drawn = np.array([standard(seed=i, **only).errors(3, DT, V) for i in range(24)])
 
     assert np.ptp(drawn, axis=1) == pytest.approx(0.0, abs=SMALL)
-    sd = dict(zip(model.ERRORS, np.sqrt(np.mean(drawn[:, 0] ** 2, axis=0)), strict=True))
+    sd = dict(zip(ERRORS, np.sqrt(np.mean(drawn[:, 0] ** 2, axis=0)), strict=True))
     # A pressure of rho V^2 / 2 is one of V^2 / (2 g) of height.
     wanted = {"phi": 0.02, "n_z": 0.05, "acceleration": 0.05 * G, "V_a": 0.04 * V}
     wanted |= {"h": 0.1 * V * V / (2.0 * G)}
     four_sigma = 4.0 / math.sqrt(2.0 * len(drawn))
-    assert sd == pytest.approx(dict.fromkeys(model.ERRORS, 0.0) | wanted, rel=four_sigma, abs=SMALL)
-    columns = [model.ERRORS.index(name) for name in ("phi", "V_a", "h")]
+    assert sd == pytest.approx(dict.fromkeys(ERRORS, 0.0) | wanted, rel=four_sigma, abs=SMALL)
+    columns = [ERRORS.index(name) for name in ("phi", "V_a", "h")]
     twice_as_fast = standard(seed=0, **only).errors(1, DT, 2.0 * V)[0, columns]
     assert twice_as_fast == pytest.approx(drawn[0, 0, columns] * [1.0, 2.0, 4.0], rel=SMALL)
 
 
 def test_a_failing_receiver_errs_by_its_jump_and_drift_from_its_time_on():
     exact = standard(seed=2)
-    fault = model.ReceiverFault(start=0.06, course=math.radians(150.0), jump=40.0, drift=2.0)
+    fault = ReceiverFault(start=0.06, course=math.radians(150.0), jump=40.0, drift=2.0)
 
     failed = standard(seed=2, fault=fault).errors(6, DT, V) - exact.errors(6, DT, V)
 
     size = np.array([0.0, 0.0, 0.0, 40.0, 40.0 + 2.0 * 0.02, 40.0 + 2.0 * 0.04])
-    north, east = (model.ERRORS.index(name) for name in ("north", "east"))
+    north, east = (ERRORS.index(name) for name in ("north", "east"))
     assert failed[:, north] == pytest.approx(-size * math.sqrt(0.75), abs=SMALL)
     assert failed[:, east] == pytest.approx(0.5 * size, abs=SMALL)
     assert not np.delete(failed, (north, east), axis=1).any()
     only = {"jump": 3.0}, {"drift": 2.0}
-    jumps, drifts = (model.ReceiverFault(start=0.0, course=0.0, **size) for size in only)
+    jumps, drifts = (ReceiverFault(start=0.0, course=0.0, **size) for size in only)
     assert [x.errors(2, 0.5)[0].tolist() for x in (jumps, drifts)] == [[3.0, 3.0], [0.0, 1.0]]
-
-
-def test_the_estimated_wind_lags_by_a_share_of_each_sample():
-    """A first-order lag of 10 s sampled at 0.02 s, by the backward rule."""
-    assert standard().wind_share(DT) == pytest.approx(0.02 / 10.02)
-    assert standard(wind_lag=0.0).wind_share(DT) == 1.0

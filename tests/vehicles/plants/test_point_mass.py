@@ -5,12 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from airframes import wind_record
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.vehicles.plants.lagged import LaggedChannel
-from flighttune.vehicles.plants.point_mass import turn_rates
-from flighttune.vehicles.plants.weather import WindRecord
 
 G = 9.81
 START = ft.loop.FlightCondition(V_a=25.0)
@@ -76,7 +74,7 @@ def test_the_papers_law_in_a_wind_of_zero_is_that_in_still_air():
     start = ft.loop.FlightCondition(V_a=25.0, chi=1.0, gamma=0.3)
     plants = [
         ft.loop.PointMassPlant(turn="paper", disturbance=swing, wind=wind)
-        for wind in (None, WindRecord.steady())
+        for wind in (None, wind_record([0.0], np.zeros((1, 3))))
     ]
 
     still, windy = (fly(plant, start, weaving(500, 0.02), 0.02) for plant in plants)
@@ -87,7 +85,7 @@ def test_the_papers_law_in_a_wind_of_zero_is_that_in_still_air():
 
 def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     V_a, wind, heading = 25.0, 8.0, math.radians(30.0)
-    plant = ft.loop.PointMassPlant(wind=WindRecord.steady((0.0, wind, 0.0)))
+    plant = ft.loop.PointMassPlant(wind=wind_record([0.0], [[0.0, wind, 0.0]]))
 
     end = fly(plant, ft.loop.FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
 
@@ -100,7 +98,7 @@ def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
 
 def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     V_a, w = 25.0, 5.0
-    gust = WindRecord(t=np.array([1.0, 1.5]), wind=np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))
+    gust = wind_record(np.array([1.0, 1.5]), np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))
 
     end = fly(ft.loop.PointMassPlant(wind=gust), START, [(0.0, 1.0)] * 20, 0.1)
 
@@ -108,21 +106,10 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.1])
-def test_a_command_takes_effect_at_the_end_of_its_delay(delay):
-    channel = LaggedChannel(ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=delay), 0.0)
-
-    channel.order(0.0, 1.0)
-    for switch in channel.switches(0.5):
-        channel.move_to(switch)
-
-    assert channel.at(0.5) == pytest.approx(1.0 - math.exp(-5.0 * (0.5 - delay)), rel=1e-9)
-
-
 @pytest.mark.parametrize("w", [4.0, -4.0])
 def test_air_that_begins_to_sink_or_rise_turns_the_path_through_it_alone(w):
     V_a = 25.0
-    gust = WindRecord(t=np.array([1.0, 1.01]), wind=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, w]]))
+    gust = wind_record(np.array([1.0, 1.01]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, w]]))
 
     end = fly(ft.loop.PointMassPlant(wind=gust), START, [(0.0, 1.0)] * 101, 0.01)
 
@@ -135,7 +122,7 @@ def test_air_that_begins_to_sink_or_rise_turns_the_path_through_it_alone(w):
     "wind", [(5.0, 0.0, 0.0), (-5.0, 0.0, 0.0), (0.0, 4.0, 0.0), (0.0, 0.0, 3.0)]
 )
 def test_a_sudden_wind_changes_airspeed_and_path_but_no_velocity_over_ground(wind):
-    gust = WindRecord(t=np.array([0.0, 0.01]), wind=np.array([[0.0, 0.0, 0.0], wind]))
+    gust = wind_record(np.array([0.0, 0.01]), np.array([[0.0, 0.0, 0.0], wind]))
     plant = ft.loop.PoweredPointMass((-0.5, 0.5), wind=gust)
     plant.start(ft.loop.FlightCondition(V_a=25.0, gamma=0.2))
 
@@ -148,30 +135,6 @@ def test_a_sudden_wind_changes_airspeed_and_path_but_no_velocity_over_ground(win
     assert end["V_a"] == pytest.approx(np.linalg.norm(over - wind), abs=turned)
     assert end["gamma"] == pytest.approx(0.2, abs=turned / 25.0)
     assert end["chi"] == pytest.approx(0.0, abs=turned / 25.0)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    "lags",
-    [None, (FIRST_ORDER, SECOND_ORDER), (OVERDAMPED, THIRD_ORDER)],
-    ids=["no lag", "first and second order", "second and third order"],
-)
-def test_two_seconds_agree_with_another_integrator(lags):
-    dt, count = 0.02, 100
-    t = np.linspace(0.0, 2.0, 5)
-    wind = WindRecord(t=t, wind=np.random.default_rng(5).normal(scale=2.0, size=(len(t), 3)))
-    commands = weaving(count, dt)
-    start = ft.loop.FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
-
-    plant = ft.loop.PointMassPlant(lags, wind=wind)
-    end = fly(plant, start, commands, dt)
-
-    state = by_dop853(lags, wind, commands, dt)
-    north, east, down = 25.0 * along(*state[:2]) + wind.at(2.0)
-    chi, gamma = math.atan2(east, north), math.atan2(-down, math.hypot(north, east))
-    assert math.remainder(end["chi"] - chi, math.tau) == pytest.approx(0.0, abs=INTEGRATION)
-    assert end["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
-    assert (end["north"], end["east"], end["down"]) == pytest.approx(state[2:5], abs=METRE)
 
 
 def by_dop853(lags, wind, commands, dt):
@@ -250,13 +213,9 @@ def test_straight_up_and_a_roll_without_tangent_end_a_flight(turn, gamma, comman
     ("made", "words"),
     [
         (lambda: ft.loop.PointMassPlant(g=0.0), "`g` must be positive"),
-        (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), "`t` of a wind"),
-        (
-            lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
-            "`V_a` must be positive",
-        ),
+        (lambda: wind_record([0.0, 0.0], np.zeros((2, 3))), "`t` of a wind"),
     ],
-    ids=["gravity", "wind", "airspeed"],
+    ids=["gravity", "wind"],
 )
 def test_impossible_values_are_refused(made, words):
     with pytest.raises(ft.InputError, match=words):
@@ -295,7 +254,7 @@ def test_flight_conditions_that_cannot_be_are_refused(change, message):
 
 def test_winds_lags_and_a_disturbance_agree_with_another_integrator_for_a_moment():
     dt, count, lags = 0.02, 15, (OVERDAMPED, FIRST_ORDER)
-    wind = WindRecord(
+    wind = wind_record(
         t=np.array([0.0, 0.13, 0.3]),
         wind=np.array([[1.0, -2.0, 0.5], [3.0, 1.0, -1.0], [0, 4.0, 1]]),
     )
@@ -317,7 +276,7 @@ def test_winds_lags_and_a_disturbance_agree_with_another_integrator_for_a_moment
 
 def test_a_point_with_thrust_gains_speed_by_what_is_left_of_it_in_a_climb():
     """In air that moves faster and faster, whose change along the path is lost as airspeed."""
-    wind = WindRecord(t=np.array([0.0, 1.0]), wind=np.array([[0.0, 0.0, 0.0], [3.0, 2.0, -1.0]]))
+    wind = wind_record(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 0.0], [3.0, 2.0, -1.0]]))
     lags = (FIRST_ORDER, FIRST_ORDER, ft.loop.InnerLag(order=1, natural_frequency=4.0))
     plant = ft.loop.PoweredPointMass((-0.2, 0.5), lags, wind=wind, disturbance=swing)
     plant.start(ft.loop.FlightCondition(V_a=25.0, chi=0.3, gamma=0.2, phi=0.1, n_z=1.1))
@@ -373,18 +332,3 @@ def test_a_point_that_stops_or_loses_its_course_ends_its_flight():
     assert ways[0] is None
     assert ways[1].status == "diverged"
     assert "at t = 1.12 s" in ways[1].reason
-
-
-@pytest.mark.parametrize("turn", ["paper", "exact"])
-def test_rates_of_a_turn_are_those_of_both_laws(turn):
-    """`tan(phi)` for a level turn, and what the lift gives: 30 deg of bank in a climb of 60."""
-    chi_dot, gamma_dot = turn_rates(
-        np.array([20.0, 40.0]), gamma=math.pi / 3, phi=math.pi / 6, n_z=1.2, turn=turn, g=10.0
-    )
-
-    turning = math.tan(math.pi / 6) if turn == "paper" else 1.2 * 0.5 / 0.5
-    assert chi_dot == pytest.approx([turning / 2.0, turning / 4.0])
-    rise = 1.2 * math.sqrt(0.75) - 0.5
-    assert gamma_dot == pytest.approx([rise / 2.0, rise / 4.0])
-    with pytest.raises(ft.InputError, match="`V_a` must be positive, got 0 m/s"):
-        turn_rates(0.0, 0.0, 0.0, 1.0)

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from airframes import blowing, seen_through_air, wind_record
 
 import flighttune as ft
-from flighttune.vehicles.plants import weather
-from flighttune.vehicles.plants.base import AirPathPlant
 
 DT = 0.02
 LONG = 200_000
@@ -79,8 +78,7 @@ SAME = 1e-6
 
 def in_a_wind_from(degrees, speed, **condition):
     towards = (-speed * math.cos(degrees * DEG), -speed * math.sin(degrees * DEG), 0.0)
-    wind = weather.WindProfile(levels=((0.0, towards),))
-    plant = AirPathPlant(ft.loop.JSBSimPlant(weather=weather.Weather(wind=wind)))
+    plant = seen_through_air(ft.loop.JSBSimPlant(weather=blowing(towards)))
     plant.start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
     return plant
 
@@ -119,15 +117,6 @@ def test_the_course_through_the_air_is_continuous_beyond_half_a_turn():
     assert np.abs(np.diff(courses)).max() < 5.0 * DEG
 
 
-def test_wind_is_linear_between_levels_and_constant_beyond():
-    heights, low, high = (0.0, 100.0, 150.0, 300.0, 900.0), (0.0, 2.0, 0.0), (10.0, -2.0, 1.0)
-
-    winds = [weather.WindProfile(((100.0, low), (300.0, high))).at(h) for h in heights]
-
-    assert winds[2] == pytest.approx((2.5, 1.0, 0.25))
-    assert [winds[i] for i in (0, 1, 3, 4)] == [low, low, high, high]
-
-
 @pytest.mark.parametrize(
     ("begin", "first"), [(0.0, 0), (0.05, 3), (0.06, 3), (0.061, 4), (0.14, 7), (0.3, 10)]
 )
@@ -139,80 +128,24 @@ def test_a_late_error_is_there_from_its_time_on_and_not_before(begin, first):
     assert not errors[:, :2].any()
 
 
-@pytest.mark.parametrize(
-    ("h_ft", "aside_ft", "down_ft"),
-    [
-        (3.0, 10.0 / (0.177 + 0.00823) ** 1.2, 10.0),  # the least height is 10 ft
-        (200.0, 200.0 / (0.177 + 0.1646) ** 1.2, 200.0),
-        (999.0, 999.0 / (0.177 + 0.822177) ** 1.2, 999.0),
-        (1000.0, 1000.0, 1000.0),
-        (1500.0, 1375.0, 1375.0),
-        (2000.0, 1750.0, 1750.0),
-        (9000.0, 1750.0, 1750.0),
-    ],
-)
-def test_scales_of_gusts_are_those_of_the_standard_below_and_above_1000_feet(
-    h_ft, aside_ft, down_ft
-):
-    found = weather.turbulence_scales(h_ft * 0.3048)
-
-    assert found == pytest.approx((aside_ft * 0.3048, down_ft * 0.3048), rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("chi", "gamma", "wind"),
-    [(0.0, 0.0, (0.0, 6.0, 0.0)), (2.0, 0.3, (-3.0, 4.0, 1.0)), (9.0, -0.2, (5.0, 9.0, -2.0))],
-)
-def test_the_way_through_the_air_and_the_wind_make_the_path_over_ground(chi, gamma, wind):
-    over_ground = ft.loop.FlightCondition(V_a=25.0, chi=chi, gamma=gamma, h=300.0)
-
-    found = weather.through_air(over_ground, wind)
-
-    moved = np.add(weather.velocity_along(25.0, found.chi, found.gamma), wind)
-    path = [math.cos(gamma) * math.cos(chi), math.cos(gamma) * math.sin(chi), -math.sin(gamma)]
-    assert moved == pytest.approx(np.linalg.norm(moved) * np.array(path), abs=1e-9)
-    assert abs(found.chi - chi) < 0.5  # no whole turns away
-    assert (found.V_a, found.h) == (25.0, 300.0)
-    assert weather.course_of(moved) == pytest.approx((math.remainder(chi, math.tau), gamma))
-
-
-@pytest.mark.parametrize(
-    ("wind", "message"),
-    [
-        ((0.0, 25.0, 0.0), "got 25 m/s across that path and 0 m/s along it"),
-        ((-26.0, 0.0, 0.0), "airspeed of 25 m/s .* course of 0 deg .* got 0 m/s across .* -26 m/s"),
-    ],
-)
-def test_a_path_that_the_wind_forbids_is_refused(wind, message):
-    with pytest.raises(ft.InputError, match=message):
-        weather.through_air(ft.loop.FlightCondition(V_a=25.0, chi=0.0), wind)
-
-
 def test_the_wind_of_a_moment_is_that_of_its_height_and_both_oscillations():
-    profile = weather.WindProfile(((0.0, (1.0, 2.0, 3.0)), (100.0, (3.0, 2.0, 1.0))))
-    swing = weather.OscillatingWind(
-        cosine=(1.0, 2.0, -1.0), cosine_omega=0.5, sine=(4.0, -3.0, 0.5), sine_omega=2.0
-    )
-    t, h = 1.7, 25.0
-    c, s = math.cos(0.5 * t), math.sin(2.0 * t)
+    profile = (0.0, (1.0, 2.0, 3.0)), (100.0, (3.0, 2.0, 1.0))
+    swing = {"cosine": (1.0, 2.0, -1.0), "cosine_omega": 0.5}
+    swing |= {"sine": (4.0, -3.0, 0.5), "sine_omega": 2.0}
+    t, c, s = 1.7, math.cos(0.5 * 1.7), math.sin(2.0 * 1.7)
 
-    both = weather.Weather(wind=profile, oscillation=swing)
+    both, wind = blowing(profile, oscillation=swing), blowing(profile)
 
-    wanted = [1.5 + c + 4.0 * s, 2.0 + 2.0 * c - 3.0 * s, 2.5 - c + 0.5 * s]
-    assert both.deterministic(t, h) == pytest.approx(wanted)
-    assert weather.Weather(wind=profile).deterministic(t, h) == pytest.approx((1.5, 2.0, 2.5))
-    assert both.changes
-    assert weather.Weather(wind=profile).changes
-    assert weather.Weather(oscillation=swing).changes
-    assert not weather.Weather().changes
-    levels = ((0.0, (1.0, 0.0, 0.0)), (9.0, (1.0, 0.0, 0.0)))
-    assert not weather.WindProfile(levels).varies
+    moved = np.array([c + 4.0 * s, 2.0 * c - 3.0 * s, -c + 0.5 * s])
+    for h, steady in ((-9.0, (1, 2, 3)), (25.0, (1.5, 2, 2.5)), (900.0, (3, 2, 1))):
+        assert wind.deterministic(t, h) == pytest.approx(steady)
+        assert both.deterministic(t, h) == pytest.approx(steady + moved)
 
 
 def test_a_wind_record_is_linear_between_its_samples_and_constant_beyond():
     t = np.array([1.0, 2.0, 4.0])
     wind = np.array([[0.0, 1.0, 5.0], [2.0, 1.0, 4.0], [2.0, -3.0, 0.0]])
-    record = weather.WindRecord(t=t, wind=wind)
+    record = wind_record(t=t, wind=wind)
 
     times = np.array([-3.0, 0.9, 1.0, 1.25, 2.0, 3.5, 4.0, 99.0])
     wanted = np.array([np.interp(times, t, column) for column in wind.T]).T
@@ -220,7 +153,6 @@ def test_a_wind_record_is_linear_between_its_samples_and_constant_beyond():
     assert record.piece(2.0) == (2.0, (2.0, 1.0, 4.0), (0.0, -2.0, -2.0))
     assert record.knots(1.0, 4.0) == [2.0]
     assert record.knots(0.5, 4.5) == [1.0, 2.0, 4.0]
-    assert weather.WindRecord.steady((1.0, 2.0, 3.0)).at(7.0) == (1.0, 2.0, 3.0)
     for bad in (t[::-1], np.array([1.0, 1.0, 2.0])):
         with pytest.raises(ft.InputError, match="`t` of a wind record must rise"):
-            weather.WindRecord(t=bad, wind=wind)
+            wind_record(t=bad, wind=wind)

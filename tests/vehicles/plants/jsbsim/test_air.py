@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from airframes import fdm_of
+from airframes import blowing, fdm_of
 
 import flighttune as ft
-from flighttune.flight.loop.disturbance import Sinusoid
-from flighttune.vehicles.plants import weather as air
 
 DEG = math.pi / 180.0
 KNOT = 0.514444
@@ -25,14 +23,12 @@ GUST_ROUNDING = 1e-9
 LINEAR_OVER_20_MS = 3e-4
 """A changing wind is exact every four steps and linear between, m/s."""
 
-FIRST_ORDER = 0.012
-"""Second-order terms and the aircraft's own lag, rad, at a path turned by 0.13 rad."""
 
 CLIMB_OF_A_STEP = 1e-4
 """Relative: turbulence is weaker by that where 0.1 m are climbed."""
 
 
-BUMPY = air.Weather(turbulence=air.Turbulence(severity=4, wind_20ft=15.0))
+BUMPY = blowing(turbulence={"severity": 4, "wind_20ft": 15.0})
 
 
 def wind_of(flight):
@@ -56,7 +52,7 @@ def holding_height(h):
 def test_a_start_in_wind_is_the_trim_carried_along(fly, wind, phi):
     calm, flight = (
         fly((phi, 1.0 / math.cos(phi)), phi=phi, chi=0.5, duration=5.0, weather=weather)
-        for weather in (None, air.Weather(wind=air.WindProfile(((0.0, wind),))))
+        for weather in (None, blowing(wind))
     )
 
     for name, tolerance in CLEAN.items():
@@ -65,11 +61,11 @@ def test_a_start_in_wind_is_the_trim_carried_along(fly, wind, phi):
 
 
 def test_wind_over_height_is_that_of_the_level_flown_through(fly):
-    shear = air.WindProfile(((950.0, (0.0, 0.0, 0.0)), (1050.0, (10.0, -5.0, 0.0))))
+    shear = (950.0, (0.0, 0.0, 0.0)), (1050.0, (10.0, -5.0, 0.0))
 
     climb = fly(
         (0.0, math.cos(15.0 * DEG)), gamma=15.0 * DEG, duration=6.0, dt=STEP,
-        weather=air.Weather(wind=shear),
+        weather=blowing(shear),
     )  # fmt: skip
 
     share = np.clip((climb["h"] - 950.0) / 100.0, 0.0, 1.0)
@@ -85,9 +81,9 @@ def test_wind_over_height_is_that_of_the_level_flown_through(fly):
 )
 def test_gust_has_the_shape_of_the_standard(fly, axis, peak, direction):
     start, rise, hold = 1.0, 2.0, 0.5
-    gust = air.Gust(axis=axis, peak=peak, start=start, rise=rise, hold=hold)
+    gust = {"axis": axis, "peak": peak, "start": start, "rise": rise, "hold": hold}
 
-    flight = fly((0.0, 1.0), chi=30.0 * DEG, duration=7.0, dt=STEP, weather=air.Weather(gust=gust))
+    flight = fly((0.0, 1.0), chi=30.0 * DEG, duration=7.0, dt=STEP, weather=blowing(gust=gust))
 
     into = np.clip(flight.t - start, 0.0, rise)
     out = np.clip(flight.t - start - rise - hold, 0.0, rise)
@@ -97,21 +93,9 @@ def test_gust_has_the_shape_of_the_standard(fly, axis, peak, direction):
     assert along == pytest.approx(peak * shape, abs=1.1 * tilt)
 
 
-def test_turbulence_without_a_seed_is_that_of_seed_0():
-    def winds(**seed):
-        plant = ft.loop.JSBSimPlant("aerosonde", weather=BUMPY, **seed)
-        plant.start(ft.loop.FlightCondition(V_a=25.0))
-        plant.advance(0.0, 1.0, 0.1)
-        seen = dict(zip(plant.signals, plant.observe(), strict=True))
-        return [seen[f"wind_{axis}"] for axis in ("north", "east", "down")]
-
-    assert winds() == winds(seed=0)
-    assert winds() != winds(seed=1)
-
-
 def test_a_gust_in_a_bank_blows_along_the_wing(fly):
     phi = 30.0 * DEG
-    gust = air.Weather(gust=air.Gust(axis="right", peak=4.0, start=0.5, rise=1.0))
+    gust = blowing(gust={"axis": "right", "peak": 4.0, "start": 0.5, "rise": 1.0})
 
     turn = fly((phi, 1.0 / math.cos(phi)), phi=phi, duration=1.5, weather=gust)
 
@@ -119,62 +103,25 @@ def test_a_gust_in_a_bank_blows_along_the_wing(fly):
 
 
 def test_oscillating_wind_is_its_formula(fly):
-    swing = air.OscillatingWind(
-        cosine=(2.0, 0.0, 1.0), cosine_omega=0.7, sine=(0.0, 3.0, 0.0), sine_omega=1.1
-    )
+    swing = {"cosine": (2.0, 0.0, 1.0), "cosine_omega": 0.7}
+    swing |= {"sine": (0.0, 3.0, 0.0), "sine_omega": 1.1}
 
-    flight = fly((0.0, 1.0), duration=3.0, dt=STEP, weather=air.Weather(oscillation=swing))
+    flight = fly((0.0, 1.0), duration=3.0, dt=STEP, weather=blowing(oscillation=swing))
 
     c, s = np.cos(0.7 * flight.t), np.sin(1.1 * flight.t)
     expected = np.stack([2.0 * c, 3.0 * s, c], axis=1)
     assert wind_of(flight) == pytest.approx(expected, abs=LINEAR_OVER_20_MS)
 
 
-def test_the_wind_of_a_sinusoid_turns_the_path_through_the_air_at_its_rates(fly):
-    sinusoid = Sinusoid(chi_amplitude=0.02, chi_omega=0.3, gamma_amplitude=0.02, gamma_omega=0.3)
-
-    flight = fly(
-        (0.0, 1.0), duration=10.0, dt=STEP,
-        weather=air.Weather(oscillation=sinusoid.as_wind(25.0, 0.0, 0.0)),
-    )  # fmt: skip
-
-    position = np.stack([flight["north"], flight["east"], flight["down"]], axis=1)
-    through_air = np.gradient(position, flight.t, axis=0) - wind_of(flight)
-    chi_air = np.arctan2(through_air[:, 1], through_air[:, 0])
-    gamma_air = np.arctan2(-through_air[:, 2], np.hypot(through_air[:, 0], through_air[:, 1]))
-    turned = 0.02 / 0.3 * (1.0 - np.cos(0.3 * flight.t))
-    climbed = 0.02 / 0.3 * np.sin(0.3 * flight.t)
-    assert chi_air[1:-1] == pytest.approx(turned[1:-1], abs=FIRST_ORDER)
-    assert gamma_air[1:-1] == pytest.approx(climbed[1:-1], abs=FIRST_ORDER)
-
-
-def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(fly):
-    # gamma' = g sin(gamma)/V (d_gamma + W), W the wind normal to the path over V:
-    # design/oscillating_wind.md.
-    gamma, omega, depth = math.radians(15.0), 0.3, 0.02 / 0.3
-    sinusoid = Sinusoid(chi_amplitude=0.0, chi_omega=0.0, gamma_amplitude=0.02, gamma_omega=omega)
-
-    flight = fly(
-        (0.0, math.cos(gamma)), gamma=gamma, duration=10.0,
-        weather=air.Weather(oscillation=sinusoid.as_wind(25.0, 0.0, gamma)),
-    )  # fmt: skip
-
-    k, t = 9.80665 * math.sin(gamma) / 25.0, flight.t
-    forced = k * depth / (k**2 + omega**2)
-    turned = forced * (omega * (np.exp(k * t) - np.cos(omega * t)) - k * np.sin(omega * t))
-    assert flight["gamma"] - gamma == pytest.approx(turned, abs=0.3 * turned[-1])
-    assert turned[-1] == pytest.approx(0.075, abs=1e-3)
-
-
 @pytest.mark.soak
 def test_turbulence_near_the_ground_takes_the_height_above_it(fly):
     # Section 3.7.3.2 of MIL-F-8785C: sigma_w is a tenth of the wind at 20 ft, L_w the height.
     ground, wind_20ft, h, seconds = 1500.0, 15.0 * KNOT, 80.0, 300.0
-    turbulence = air.Turbulence(severity=3, wind_20ft=wind_20ft)
+    turbulence = {"severity": 3, "wind_20ft": wind_20ft}
 
     flight = fly(
         holding_height(ground + h), h=ground + h, ground=ground, duration=seconds, dt=0.1, seed=2,
-        weather=air.Weather(turbulence=turbulence),
+        weather=blowing(turbulence=turbulence),
     )  # fmt: skip
 
     assert flight.stop is None

@@ -5,10 +5,9 @@ import re
 import threading
 
 import pytest
-from airframes import fdm_of
+from airframes import fdm_of, off_nominal
 
 import flighttune as ft
-from flighttune.vehicles.aircraft.aircraft import OffNominal
 
 LEVEL = ft.loop.FlightCondition(V_a=25.0)
 
@@ -173,7 +172,7 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
 
     with pytest.raises(ft.loop.PlantError, match=rf"aerosonde\.xml {message}") as error:
-        ft.loop.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
+        ft.loop.JSBSimPlant(folder, off_nominal=off_nominal(lift_factor=1.1))
     assert "\n" not in str(error.value)
 
 

@@ -3,10 +3,10 @@
 import math
 
 import pytest
+from airframes import off_nominal
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.vehicles.aircraft.aircraft import Fault, OffNominal
 
 LEVEL = ft.loop.FlightCondition(V_a=25.0)
 SAMPLE, FROM_S = 0.02, 0.2
@@ -16,7 +16,7 @@ FULL_THRUST = 120.0  # N, of the Aerosonde's ideal motor: aircraft/aerosonde/REA
 
 def flown(samples, **fault):
     """Signals at each sample of a plant, and its aircraft at the end."""
-    off = OffNominal(fault=Fault(from_s=FROM_S, **fault)) if fault else None
+    off = off_nominal(fault={"from_s": FROM_S, **fault}) if fault else None
     plant = ft.loop.JSBSimPlant("aerosonde", off_nominal=off)
     plant.start(LEVEL)
     rows = []
@@ -77,8 +77,8 @@ def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said()
 @pytest.mark.parametrize("factor", [1.5, 2.0])
 def test_actuators_of_varied_aircraft_have_their_own_lag_before_and_after_a_fault(factor):
     for other in (1.2, factor):  # one after the other in a process
-        fault = Fault(from_s=FROM_S, actuator_lag_factor=4.0)
-        off = OffNominal(actuator_lag_factor=other, fault=fault)
+        fault = {"from_s": FROM_S, "actuator_lag_factor": 4.0}
+        off = off_nominal(actuator_lag_factor=other, fault=fault)
         plant = ft.loop.JSBSimPlant("aerosonde", off_nominal=off)
         plant.start(LEVEL)
         rate = plant.fdm.reader("ft/fault/actuator_rate")
@@ -105,6 +105,6 @@ def test_an_airspeed_sensor_that_reads_low_makes_the_aircraft_fly_as_much_too_fa
 
 
 def test_a_surface_that_an_aircraft_has_not_is_refused():
-    off = OffNominal(fault=Fault(from_s=1.0, rudder_stuck_deg=1.0))
+    off = off_nominal(fault={"from_s": 1.0, "rudder_stuck_deg": 1.0})
     with pytest.raises(ft.InputError, match=r"`rudder_stuck_deg` .* left out: .*x8"):
         ft.loop.JSBSimPlant("x8", off_nominal=off)

@@ -9,12 +9,12 @@ from pathlib import Path
 import jsbsim
 import numpy as np
 import pytest
+from airframes import fdm_of
+from airframes import off_nominal as keys_of
 from places import SHIPPED_AIRCRAFT
 from published_aerosonde import FT, LBF, accelerations, evaluated, measured
 
 import flighttune as ft
-from flighttune.vehicles.aircraft.aircraft import OffNominal
-from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 DEG = math.pi / 180.0
 ONE_PER_MILLE = 1e-3
@@ -49,11 +49,11 @@ ALL = {
 def off_nominal(cg_shift=(0.0, 0.0, 0.0), coefficients=(), **factors):
     shift = dict(zip(("cg_aft_m", "cg_right_m", "cg_down_m"), cg_shift, strict=True))
     factors = {f"{name}_factor": factor for name, factor in factors.items()}
-    return OffNominal(**shift, coefficient_factors=dict(coefficients), **factors)
+    return keys_of(**shift, coefficient_factors=dict(coefficients), **factors)
 
 
 def aircraft(name, **off):
-    return Fdm(ft.loop.JSBSimPlant(name, off_nominal=off_nominal(**off)).config)
+    return fdm_of(ft.loop.JSBSimPlant(name, off_nominal=off_nominal(**off)).config)
 
 
 @pytest.mark.parametrize("off", [*ALONE, ALL], ids=str)
@@ -103,7 +103,7 @@ AXES = [
 def test_aircraft_of_jsbsim_get_more_of_every_function_of_an_axis(key, total, prefix):
     state = 52.0, 4 * DEG, 2 * DEG, (0.2, 0.1, -0.1), (0.05, -0.05, 0.04), 0.6
     fdms = [evaluated(aircraft("c172p", **off), *state) for off in ({}, {key: 1.25})]
-    catalog = fdms[0]._exec.query_property_catalog("aero/coefficient/").split()
+    catalog = fdms[0].names("aero/coefficient/")
     parts = [n for n in catalog if n.startswith(f"aero/coefficient/{prefix}")]
     unsteady = [n for n in parts if n.endswith("adot")]  # of the evaluation before
 
@@ -129,7 +129,7 @@ def test_thrust_at_a_throttle_is_scaled_for_every_kind_of_engine(name, V_a):
     assert thrust[1] / thrust[0] == pytest.approx(1.2, rel=1e-6)
 
 
-@pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("a4", 200.0)])
+@pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("a4", 200.0)])
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor):
     fdm = evaluated(aircraft(name, actuator_lag=factor), V_a, 0.02, 0.0, STILL, STILL, 0.5)
@@ -180,14 +180,6 @@ def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(tmp_path, mon
 
     assert [digest(folder) for folder in shipped] == before
     assert list(tmp_path.iterdir()) == []
-
-
-def test_where_there_is_no_room_for_the_private_folder_is_told(tmp_path, monkeypatch):
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
-
-    with pytest.raises(ft.loop.PlantError, match=r"missing: .* aerosonde\.xml, got No"):
-        aircraft("aerosonde", mass=1.1)
 
 
 REFUSED = [

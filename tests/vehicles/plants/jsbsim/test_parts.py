@@ -1,21 +1,14 @@
 """A model's parts come from its folders only, and files that crash JSBSim cost one line."""
 
-import shutil
-import subprocess
-
 import pytest
-from airframes import fdm_of
 from commands import flighttune
-from places import AIRCRAFT_NAMES, SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.vehicles.plants.jsbsim import model_files
 
 
 @pytest.fixture(autouse=True)
 def nothing_is_trusted(monkeypatch):
     monkeypatch.delenv("FLIGHTTUNE_TRUST_AIRCRAFT")
-    model_files._end_of_trial.cache_clear()
 
 
 @pytest.fixture
@@ -39,7 +32,7 @@ def naming(changed_aircraft, tmp_path):
 @pytest.mark.parametrize(
     "name", ["../settings", "{outside}/settings", "link", "up/settings", "up/../settings"]
 )
-@pytest.mark.parametrize("command", ["trim", "design", "identify", "adopt"])
+@pytest.mark.parametrize("command", ["trim", "adopt"])
 def test_a_part_elsewhere_is_refused_and_nothing_of_it_is_written(naming, tmp_path, command, name):
     name = name.format(outside=tmp_path)
     folder = naming(name)
@@ -57,21 +50,13 @@ def test_a_part_elsewhere_is_refused_and_nothing_of_it_is_written(naming, tmp_pa
     assert set(tmp_path.rglob("*")) - (draft if adopts else set()) == files
 
 
-def test_a_name_that_comes_back_into_the_folder_is_a_part(naming):
-    fdm = fdm_of(naming("Engines/../Engines/direct"))
-
-    assert {file.name for file in model_files.model_files(fdm.config)} == {
-        "aerosonde.xml", "aerosonde_motor.xml", "direct.xml"
-    }  # fmt: skip
-
-
 def test_a_model_of_jsbsims_is_a_name_and_no_path(naming):
     folder = naming("direct")
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace('"aerosonde.xml" ', '"../../elsewhere/x"'))
 
     with pytest.raises(ft.InputError, match="`model`"):
-        fdm_of(folder)
+        ft.loop.JSBSimPlant(folder)
 
 
 CRASHES = (
@@ -82,46 +67,9 @@ CRASHES = (
 """Two functions, each the value of the other: JSBSim calls them until its stack is full."""
 
 
-@pytest.fixture
-def trials(monkeypatch):
-    """The trials of a test, which all end well."""
-    seen = []
-
-    def run(command, **_):
-        seen.append(command)
-        return subprocess.CompletedProcess(command, 0)
-
-    monkeypatch.setattr(model_files.subprocess, "run", run)
-    return seen
-
-
 def test_a_command_ends_with_one_line_too(changed_aircraft):
     out, err = flighttune("trim", changed_aircraft("aerosonde.xml", *CRASHES), status=2)
 
     assert out == ""
     assert err.splitlines()[-1].endswith("ended the process that tried: SIGSEGV.")
     assert "fault of flighttune" not in err
-
-
-def test_files_are_tried_once_and_again_when_they_change(trials, changed_aircraft):
-    folder = changed_aircraft("aerosonde.xml", "x", "x")
-
-    fdm_of(folder)
-    fdm_of(folder)
-    assert len(trials) == 1
-
-    file = folder / "aerosonde.xml"
-    file.write_text(file.read_text() + "<!-- changed -->")
-    fdm_of(folder)
-    assert len(trials) == 2
-
-
-def test_shipped_aircraft_are_not_tried_and_copies_of_them_are(trials, tmp_path):
-    for name in AIRCRAFT_NAMES:
-        fdm_of(name)
-    assert not trials
-
-    copy = tmp_path / "aircraft" / "aerosonde"
-    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", copy)
-    fdm_of(copy)
-    assert len(trials) == 1

@@ -3,23 +3,14 @@
 import math
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
-from airframes import fdm_of
-from made_up import shortened
 from places import SHIPPED_AIRCRAFT
-from scipy.spatial.transform import Rotation
 
 import flighttune as ft
-from flighttune.vehicles.plants.jsbsim import trim as trims
-from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench
-from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, interior_root, trim_table
 
 DEG = math.pi / 180.0
-
-NOISE = 1e-6  # of a residual, as of the thrust of a governed engine
 
 
 @pytest.mark.parametrize("phi_deg", [-45.0, -20.0, 30.0, 45.0])
@@ -53,77 +44,6 @@ def test_what_stands_against_a_steady_flight_is_said(condition, message):
         ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
 
 
-def test_a_search_that_does_not_converge_says_what_is_left_over():
-    """What thrust lacks to drag, over the weight, decelerates; C_D = 0.043 + 0.0232 C_L^2."""
-    condition = ft.loop.FlightCondition(V_a=25.0, h=1000.0)
-    problem = _TrimProblem(fdm_of("aerosonde"), condition)
-    x = problem.steady()
-    x[-1] -= 0.1  # of the throttle
-
-    with pytest.raises(ft.loop.PlantError, match="did not converge") as failure:
-        problem.check(x)
-
-    thrust, drag, left = map(
-        float,
-        re.search(
-            r"thrust over its weight is (\S+) at .* drag (\S+) \(left over: (\S+) g backward",
-            str(failure.value),
-        ).groups(),
-    )
-    assert drag - thrust == pytest.approx(left, abs=0.005)  # numbers of two digits
-    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * 25.0**2 * 0.55)
-    assert drag == pytest.approx((0.043 + 0.0232 * C_L**2) / C_L, abs=0.005)
-
-
-@pytest.mark.parametrize(("most", "said"), [(0.02, "at the throttle 0.900 it is 1 w"), (0.2, "")])
-def test_a_thrust_that_is_lost_by_closing_the_throttle_fast_depends_on_its_history(most, said):
-    problem = _TrimProblem(fdm_of("aerosonde"), ft.loop.FlightCondition(V_a=25.0, h=1000.0))
-    x, throttles = problem.steady(), [1.0]
-
-    def thrust(x):  # in weights; the engine stops where its throttle is closed by more than `most`
-        throttles.append(x[-1])
-        if x[-1] == 1.0:
-            del throttles[:-1]
-        return [float((np.diff(throttles) > -most).all())]
-
-    problem.settles, problem.residuals, x[-1] = True, thrust, 0.9
-
-    history = problem._history(x)
-
-    assert said in history
-    assert bool(history) == bool(said)
-
-
-@pytest.mark.parametrize(
-    ("unknown", "end", "forward", "words"),
-    [
-        # angle of attack, aileron, elevator, rudder and throttle, at their lower and upper ends
-        (0, 0.0, 0.0, "negative stall, alpha is at -14.0 deg"),
-        (0, 1.0, 0.0, "it would stall, alpha is at 16.0 deg"),
-        (2, 0.0, 0.0, "the aileron is at its stop"),
-        (2, 1.0, 0.0, "the aileron is at its stop"),
-        (3, 0.0, 0.0, "the elevator is at its stop"),
-        (3, 1.0, 0.0, "the elevator is at its stop"),
-        (4, 0.0, 0.0, "the rudder is at its stop"),
-        (4, 1.0, 0.0, "the rudder is at its stop"),
-        (6, 1.0, -0.1, "full throttle has too little thrust"),
-        (6, 0.0, 0.1, "the aircraft speeds up with the throttle closed"),
-        # which is in nobody's way
-        (6, 1.0, 0.1, "the search did not converge, "),
-        (6, 0.0, -0.1, "the search did not converge, "),
-        (1, 1.0, 0.0, "the search did not converge, "),
-        (5, 0.0, 0.0, "the search did not converge, "),
-    ],
-)
-def test_the_bound_that_a_search_ends_at_is_named(unknown, end, forward, words):
-    problem = _TrimProblem(fdm_of("aerosonde"), ft.loop.FlightCondition(V_a=25.0, h=1000.0))
-    x, residual = 0.5 * (problem.lower + problem.upper), np.zeros(7)
-    x[unknown] = (1.0 - end) * problem.lower[unknown] + end * problem.upper[unknown]
-    residual[0] = forward
-
-    assert problem.obstacle(x, residual).startswith(words)
-
-
 def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
     travel = r"(elevator = { travel_deg = \[-25.0), 25.0"
     folder = changed_aircraft("aircraft.toml", travel, r"\1, 1.0")
@@ -140,6 +60,7 @@ def test_an_airspeed_outside_the_envelope_has_the_digits_that_it_deserves(V_a, g
     assert record["reason"] == said
 
 
+@pytest.mark.slow
 def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
 
@@ -241,116 +162,10 @@ def test_a_flight_starts_alike_whether_its_trim_is_searched_or_remembered(change
     assert starts[0] == starts[1]
 
 
-LAG = """<system name="yoke"><channel name="yoke"><lag_filter name="a/yoke">
-<input>fcs/left-aileron-pos-rad</input><c1>20</c1></lag_filter></channel></system>"""
-
-
-def test_filters_of_the_flight_control_are_at_rest_on_the_bench(changed_aircraft):
-    read = r"(?s)(<function name=.aero/moment/roll.*?)fcs/left-aileron-pos-rad(.*)(</fdm_config>)"
-    folder = changed_aircraft("aerosonde.xml", read, rf"\1a/yoke\2{LAG}\3")
-    fdm = fdm_of(folder)
-    bench, yoke = Bench(fdm, 1000.0), fdm.reader("a/yoke")
-
-    for aileron in (-0.3, 0.1, 0.0):
-        bench.accelerations(AirframeState(V_a=25.0, aileron=aileron))
-        assert yoke() == pytest.approx(aileron, abs=1e-9)
-
-
-def test_a_root_is_found_to_within_the_noise_of_the_residual():
-    def residual(x):
-        return 4.0 * NOISE * np.round((x - 0.3) / (4.0 * NOISE)) + NOISE  # never below it
-
-    start, bounds, widths = np.array([0.1]), (np.zeros(1), np.ones(1)), np.array([1e-5])
-
-    root = interior_root(residual, start, bounds, widths=widths, rounding=2.0 * NOISE)
-
-    assert root == pytest.approx(0.3, abs=4.0 * NOISE)
-    assert interior_root(residual, start, bounds, widths=widths) is None
-
-
-@pytest.mark.parametrize("start", [(0.2, 0.3), (0.7, 0.1)])
-def test_a_root_of_two_unknowns_is_found_inside_its_bounds_alone(start):
-    """x^2 + y = 0.5 and x - y^3 = 0.3; the same, moved beyond the largest values."""
-
-    def residual(x):
-        return np.array([x[0] ** 2 + x[1] - 0.5, x[0] - x[1] ** 3 - 0.3])
-
-    def root(high):
-        bounds = np.array([-1.0, -1.0]), np.array([high, 1.0])
-        return interior_root(
-            residual, np.minimum(start, 0.9 * high), bounds, widths=np.array([1e-6, 1e-6]),
-            enough=1e-12,
-        )  # fmt: skip
-
-    found = root(1.0)
-    assert residual(found) == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert np.abs(found).max() < 1.0
-    assert root(0.8 * found[0]) is None
-
-
-def test_an_unknown_without_effect_has_no_root():
-    bounds = np.zeros(2), np.ones(2)
-    widths = np.full(2, 1e-6)
-    assert (
-        interior_root(lambda x: np.array([x[0] - 0.5, 0.1]), 0.3 * bounds[1], bounds, widths=widths)
-        is None
-    )
-
-
-def test_slopes_are_differences_that_stay_below_the_largest_values():
-    tried = []
-
-    def residual(x):
-        tried.append(x.copy())
-        return np.array([3.0 * x[0] - x[1], x[0] * x[1]])
-
-    x, widths, upper = np.array([1.0, 2.0]), np.array([0.25, 0.5]), np.array([1.25, 9.0])
-    found = trims.slopes_within(residual, x, residual(x), widths, upper)
-
-    assert found == pytest.approx(np.array([[3.0, -1.0], [2.0, 1.0]]))
-    assert [y.tolist() for y in tried[1:]] == [[0.75, 2.0], [1.0, 2.5]]
-
-
-@pytest.mark.parametrize(
-    ("gamma", "phi", "alpha", "beta"),
-    [
-        (0.0, 0.0, 0.1, 0.0),
-        (0.2, 0.6, 0.15, -0.05),
-        (-0.3, -1.0, -0.05, 0.1),
-        (0.8, 0.2, 0.3, 0.02),
-    ],
-)
-def test_pitch_and_heading_of_a_steady_flight_are_those_of_its_velocity(gamma, phi, alpha, beta):
-    body = np.array(
-        [math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta)]
-    )
-    theta = trims.pitch_attitude(gamma, phi, alpha, beta)
-    drift = trims._drift_angle(theta, phi, alpha, beta)
-
-    north, east, down = Rotation.from_euler("ZYX", [0.0, theta, phi]).apply(body)
-
-    assert -math.asin(down) == pytest.approx(gamma, abs=1e-12)
-    assert math.atan2(east, north) == pytest.approx(drift, abs=1e-12)
-
-
-TURBOPROP = Path(__file__).parents[3] / "adopted/DHC6/turn.toml"
-STEADY = 1e-3
-"""Share by which thrust may change in the first second: the torque turns the aircraft."""
-
-
-@pytest.mark.counts
-def test_the_thrust_of_a_turboprop_does_not_fall_after_the_start():
-    run = ft.fly(shortened(TURBOPROP, 1.0, gains=["paper"])).runs[0]
-
-    assert run.status == "completed"
-    thrust = run.signals["thrust"]
-    assert thrust.iloc[-1] == pytest.approx(thrust.iloc[0], rel=STEADY)
-
-
 @pytest.mark.slow
 def test_a_table_of_trims_is_over_the_envelope_and_climbs_of_minus_10_to_45_deg():
     """Six airspeeds, and of each climbs up to the thrust; the rest have their reason."""
-    low, high = fdm_of("aerosonde").config.envelope.V_a
+    low, high = ft.loop.JSBSimPlant("aerosonde").config.envelope.V_a
 
     records = ft.trim("aerosonde").records
 
@@ -367,14 +182,13 @@ def test_a_table_of_trims_is_over_the_envelope_and_climbs_of_minus_10_to_45_deg(
     assert [x["alpha_deg"] for x in level] == sorted((x["alpha_deg"] for x in level), reverse=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speeds", "climbs"), [((45.0, 60.0), (0.0,)), ((45.0,), (0.0, 60.0 * DEG, 3.0 * DEG))]
 )
 def test_a_trim_of_a_table_that_no_steady_flight_is_near_is_the_one_searched_alone(speeds, climbs):
     """To the bit: the first of an airspeed, and one after a climb that is not steady."""
-    config = fdm_of("c172p").config  # its engine settles for seconds
-
-    *_, last = trim_table(config, V_a=speeds, gamma=climbs)
+    *_, last = ft.trim("c172p", V_a=speeds, gamma=climbs).records  # its engine settles
 
     assert last["trim"] is not None
-    assert [last] == trim_table(config, V_a=speeds[-1:], gamma=climbs[-1:])
+    assert [last] == [*ft.trim("c172p", V_a=speeds[-1:], gamma=climbs[-1:]).records]
