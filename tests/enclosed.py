@@ -16,7 +16,7 @@ DELAYS = {"roll_delay_s": 0.03, "n_z_delay_s": 0.05, "roll_damping": 0.7, "n_z_d
 EXACT_LAW = {"name": "exact", "kind": "exact", "braking": 100.0}
 
 
-def manoeuvre(
+def manoeuvre(  # noqa: PLR0913 - each is a choice of a test
     plant=KINEMATIC, *, exact=False, chi_deg=10.0, gamma_deg=5.0, gamma_ref_deg=0.0, roll_deg=45.0,
     roll_dps=30.0, n_z=2.1, n_z_per_s=1.0, rate_hz=50.0, duration_s=0.4, anti_windup="conditional",
     feed_forward=True, ramp_dps=None, **tables,

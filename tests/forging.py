@@ -45,6 +45,10 @@ class Opened(NamedTuple):
         tables = json.loads(str(arrays.pop(member)))
         return cls(tables, arrays, member, zipfile.ZipFile(path).comment)
 
+    def replace_comment(self, comment):
+        """The same with another comment of the archive."""
+        return Opened(self.tables, self.arrays, self.member, comment)
+
     def write(self, path, *, anew=True):
         """Write it, with its old SHA-256 or with one that is made `anew`; return its path."""
         blank = f"SHA-256={'0' * 64}"

@@ -43,8 +43,8 @@ ALONE, WITH_FIVE = 7, 29
 RULE = {"epsilon": 0.3, "confidence": 0.9}
 FEW = {**RULE, "learn": 10, "start_deg": 2.0}
 
-# A straight route of 120 m, flown in 5 s, and a fence 4 m to each side of it.
-LEG_M, BESIDE_M = 120.0, 4.0
+# A straight route of 120 m, flown in 5 s, and a fence 2 m to each side of it.
+LEG_M, BESIDE_M = 120.0, 2.0
 STRAIGHT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, LEG_M)]}
 STRAIGHT |= {"gains": ["paper"], "law": ["paper"]}  # which need no search
 RATES = """
@@ -86,7 +86,7 @@ KEPT = []
 
 def around_leg(beside_m, ends_m=(-100.0, 250.0), top_m=None):
     """A fence of this half-width around the leg, as GeoJSON: a degree of latitude is 111.2 km."""
-    _, (lat, lon), _ = ft.route("circuit_in_wind", changes=STRAIGHT).where
+    _, (lat, lon), _ = ft.route("circuit", changes=STRAIGHT).where
     north, east = 1.0 / 111_200.0, 1.0 / (111_300.0 * np.cos(np.deg2rad(lat)))
     corners = [(ends_m[i], side * beside_m) for i, side in ((0, -1), (0, 1), (1, 1), (1, -1))]
     ring = [[lon + east * e, lat + north * n] for n, e in [*corners, corners[0]]]

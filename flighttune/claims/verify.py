@@ -76,12 +76,12 @@ def verified_band(
             reason = f"not checked: flying its flights again runs {listed(files)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
         with WorkerPool(fliers) as pool:
+            counting.check_shape(band, pool)  # first, because it checks that flights have `signals`
             if differ := counting.differing(band, draws, pool):
                 raise InputError(
                     "flights of the band that are flown again must be equal to the bit, draw "
                     f"{differ[0]} is not"
                 )
-            counting.check_shape(band, pool)
     except InputError as error:
         return Verification(valid=False, reason=str(error))
     flown = (

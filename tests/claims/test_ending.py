@@ -5,11 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from made_up_band import about_of
 from scipy.stats import binom
 
 import flighttune as ft
 from flighttune.claims import ending as endings
+from flighttune.claims.about import About
 
 EPSILON, CONFIDENCE = 0.05, 0.95
 ROUNDING = 1e-9  # relative
@@ -21,8 +21,10 @@ ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
 
 def about_ending(ending, learned=10, **fields):
     """What a file states of a count with one signal that ends so."""
+    one = np.ones((1, 1))
+    shape = {"signals": {"h": "m"}, "coefficients": one[None], "half": one, "predicted_from": None}
     plan = {"runs": learned + ending.flights}
-    return about_of(plan=plan, learned=learned, **ending.stated, **fields)
+    return About(**shape, plan=plan, learned=learned, **ending.stated, **fields)
 
 
 @pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS)

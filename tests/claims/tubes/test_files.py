@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from commands import answer
-from enclosed import LAGS, QUICK, flown, manoeuvre
+from enclosed import LAGS, flown, manoeuvre
 from enclosed import changed as other
 from forging import Opened, changed, sealed
 from small_claims import proven, residual, saved
@@ -412,3 +412,47 @@ def test_lags_and_flights_of_a_plant_are_those_of_its_scenario():
     assert [x.natural_frequency for x in found.problem.lags] == [8.0, 6.0]
     assert len(found.bounds.t) == 6
     assert flown(found).index.tolist() == pytest.approx(found.bounds.t.tolist())
+
+
+class Pushed(ft.loop.PointMassPlant):
+    """The model of an aircraft under residual rates of each sample, (samples, 2).
+
+    Its controller sees `beyond` more roll at each sample.
+    """
+
+    def __init__(self, lags, rates, beyond):
+        self.left, self.now, self.beyond = iter(rates.tolist()), (0.0, 0.0), iter(beyond.tolist())
+        super().__init__(lags, disturbance=lambda _: self.now)
+
+    def advance(self, *commands):
+        self.now = tuple(next(self.left))
+        return super().advance(*commands)
+
+    def observe(self):
+        chi, gamma, phi, *rest = super().observe()
+        return (chi, gamma, phi + next(self.beyond, 0.0), *rest)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_no_flight_of_the_model_in_the_boxes_leaves_the_tube(aircraft, boxes, seed):
+    """Its rates are anywhere in their boxes or at their ends, and so is the roll that is seen."""
+    rng, (low, high) = np.random.default_rng(seed), np.moveaxis(
+        aircraft.problem.boxes.bounds.pairs[:-1], 2, 0
+    )  # fmt: skip
+    share = rng.random(low.shape) if seed % 2 else rng.choice([0.0, 1.0], low.shape)
+    values = low + share * (high - low)
+    roll = [values[0, 2]]
+    for k in range(1, len(values)):  # it changes by no more than the box of its change
+        moved = np.clip(values[k, 2] - roll[-1], low[k - 1, 3], high[k - 1, 3])
+        roll.append(np.clip(roll[-1] + moved, low[k, 2], high[k, 2]))
+    scenario = boxes.flights.scenario.as_dict() | {"gains": ["paper"], "plant": []}
+
+    def plant(*_):
+        return Pushed(aircraft.problem.lags, values[:, :2], np.array([*roll, roll[-1]]))
+
+    tables = scenario | {"plant": [{"kind": "kinematic"}]}
+    runs = ft.fly(ft.scenario_from(tables), plants={"pushed": plant}).runs
+
+    (run,) = (run for run in runs if "pushed" in run.label)
+    assert aircraft.bounds.contain(run.signals)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from enclosed import KINEMATIC, POINT
 from mpmath import mp, mpf
 
-from enclosed import KINEMATIC, POINT
 from flighttune.claims.tubes import exact, forms, sample, search, tube
 from tests.claims.tubes.test_membership import with_law
 

@@ -2,6 +2,7 @@
 
 import ast
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -152,7 +153,7 @@ def test_more_disturbance_and_more_starts_make_a_tube_wider(loop):
         for a, b in ((0.5, 0.5), (0.5, 1.0), (1.0, 1.0))
     ]
 
-    for less, more in zip(widths, widths[1:], strict=False):
+    for less, more in pairwise(widths):
         assert (more[:, :2] >= less[:, :2] * (1.0 - 1e-6)).all()
     assert (widths[2][-1, :2] > 1.5 * widths[0][-1, :2]).all()
 
