@@ -56,9 +56,6 @@ def test_every_kind_of_claim_has_its_maker_its_forger_its_old_file_or_a_reason_a
     for kind, page in PAGES.items():
         text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
         assert kind.split()[-1].split("_")[0] in text, kind
-    formats = (DOCS / "formats.md").read_text(encoding="utf-8")
-    for kind in CLAIMS:
-        assert kind.removeprefix("flighttune ").split()[-1] in formats, kind
 
 
 def kinds(*but):
@@ -88,7 +85,6 @@ def test_each_kind_is_read_verified_and_shown_on_a_page_with_its_sentence(kind, 
     claim = ft.load(file)
     assert verified is not None
     assert verified.claim.sentence == claim.sentence
-    assert verified.answer().summary[0].startswith(f"{file}: valid")
     assert Opened.of(file).tables["format"].startswith(" ".join(kind.split()[:2]))
     if "hours" in kind:
         return  # it is shown with its mission
