@@ -106,6 +106,7 @@ def test_a_count_is_of_the_flights_of_its_campaign_after_those_that_taught_it():
     assert inside == (counted.scores <= counted.scale).tolist()
 
 
+@pytest.mark.slow
 def test_the_middle_in_wind_is_the_least_squares_fit_of_learning_flights():
     """Another count has those flights as counted ones, and with them the winds."""
     by_wind = ft.load(band_in_wind())
@@ -331,7 +332,13 @@ FLOWN_AGAIN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("maker", "tables", "arrays", "words"), FLOWN_AGAIN)
+LONG = monitor, band_in_wind
+
+
+@pytest.mark.parametrize(
+    ("maker", "tables", "arrays", "words"),
+    [pytest.param(*row, marks=[pytest.mark.slow] * (row[0] in LONG)) for row in FLOWN_AGAIN],
+)
 def test_a_count_is_flown_again_and_what_was_changed_is_named(
     maker, tables, arrays, words, tmp_path
 ):
@@ -457,6 +464,7 @@ def plant(**airframe):
 LIGHT, SEVERE = {"intensity": "light"}, {"intensity": "severe"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tables", "differs"),
     [
@@ -492,6 +500,7 @@ def test_a_flight_of_others_than_those_counted_is_named_with_both_values(in_air,
     assert bool(said) == bool(differs)
 
 
+@pytest.mark.slow
 def test_the_flights_of_a_claim_are_told_with_their_ranges(in_air, counted):
     said = " ".join(in_air.sentence.split())
 

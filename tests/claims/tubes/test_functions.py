@@ -71,17 +71,6 @@ def test_a_set_refuses_a_point_just_outside():
         assert not proof.inside(ranges, centre, size)
 
 
-def test_the_hull_of_a_parallelotope_is_its_set_rounded_outwards():
-    rng = np.random.default_rng(3)
-    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
-    size = np.abs(rng.normal(size=5))
-
-    hull = proof.hull(proof.parallelotope(W, centre, size), W)
-
-    assert not proof.inside(hull, centre, size)
-    assert proof.inside(hull, centre, (1.0 + 1e-9) * size)
-
-
 def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
     """In 60 digits, for rows so nearly dependent that their inverse has only six right ones."""
     n = 8
