@@ -327,7 +327,7 @@ FLOWN_AGAIN = [
     (residual, wider("half"), None, "`half` must follow"),
     (residual, units("m"), None, "`signals`"),
     (monitor, {}, None, ""),
-    (monitor, of_models(scaled_weights), None, "`weights` of airspeed must be those that"),
+    (monitor, of_models(scaled_weights), None, "`weights` of airspeed must|draw 20 is not"),
     (monitor, wider("half"), None, "`half` must follow"),
 ]  # fmt: skip
 
