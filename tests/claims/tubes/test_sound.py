@@ -295,11 +295,20 @@ def test_each_reason_why_a_set_is_lost_has_a_manoeuvre_that_gives_it():
     assert [x for x in said if not any(x in reason for reason in known)] == []
 
 
-@pytest.mark.parametrize(("rate_hz", "said"), [(50.0, True), (1.0, False)])
-def test_from_when_on_a_lost_set_doubles_is_said_where_samples_are_close(rate_hz, said):
-    """A sample of a second is longer than the time in which a width may double."""
-    gains = ft.PAPER_GAINS if said else QUICK
-    found = ft.tube(manoeuvre(duration_s=4.0, rate_hz=rate_hz), gains, disturbance=1.0)
+@pytest.mark.parametrize(
+    ("tables", "gains", "disturbance", "said"),
+    [
+        pytest.param({"plant": POINT, "gamma_deg": 70.0, "gamma_ref_deg": 70.0, "n_z": 3.0,
+                      "ramp_dps": 1.0, "duration_s": 0.8}, ft.PAPER_GAINS, 0.5, True,
+                     marks=pytest.mark.slow),
+        # a sample of a second is longer than the time in which a width may double
+        ({"rate_hz": 1.0, "duration_s": 4.0}, QUICK, 1.0, False),
+    ],
+)  # fmt: skip
+def test_from_when_on_a_lost_set_doubles_is_said_where_samples_are_close(
+    tables, gains, disturbance, said
+):
+    found = ft.tube(manoeuvre(**tables), gains, disturbance=disturbance)
 
     assert found.status == "unbounded"
     assert ("the width doubles within 0.2 s" in found.reason) == said
