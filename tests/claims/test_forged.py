@@ -127,7 +127,7 @@ AS_TRUE = {
 def test_with_a_hash_made_anew_no_file_says_more_than_is_so(kind, tmp_path):
     seen = Counter()
     honest = ft.load(KINDS[kind][0]()).sentence
-    for opened, place in several(kind, random.Random(SEED + 1), 60):
+    for opened, place in several(kind, random.Random(SEED + 1), 20):
         verified = believed(opened.write(tmp_path / KINDS[kind][0]().name), **(
             {"count": 7} if "band" in kind else {}))  # fmt: skip
         if verified is None:
@@ -139,7 +139,7 @@ def test_with_a_hash_made_anew_no_file_says_more_than_is_so(kind, tmp_path):
             assert keys & AS_TRUE, f"{place}: {verified.claim.sentence}"
             seen["tells it"] += 1
     sys.stdout.write(f"{dict(seen)}\n")
-    assert seen["not valid"] > 20
+    assert seen["not valid"] > 5
 
 
 def test_a_file_without_its_seal_is_not_taken_for_an_old_one(tmp_path):

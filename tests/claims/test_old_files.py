@@ -152,7 +152,7 @@ def said(path):
 def test_no_damage_is_silent(maker, tmp_path):
     file, draw = maker(), random.Random(26)
     whole, honest, path = file.read_bytes(), said(file), tmp_path / file.name
-    for _ in range(60):
+    for _ in range(30):
         damage, data = damaged(whole, draw)
         path.write_bytes(data)
         try:
@@ -166,7 +166,7 @@ def test_no_damage_is_silent(maker, tmp_path):
 def test_no_forged_proof_is_believed_unless_what_it_says_is_so(name, tmp_path):
     """One that is valid bounds flights from all its starts in all its disturbances."""
     draw, whole, seen = random.Random(26), Opened.of(proven(name)), Counter()
-    while seen.total() < 40:
+    while seen.total() < 20:
         opened, place = forged(whole, Opened.of(proven("starts")), draw)
         if same(opened, whole):
             continue
