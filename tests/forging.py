@@ -1,23 +1,29 @@
 """A forger of claims: it opens the file of any kind, changes one place of it, and writes it again.
 
-It takes the SHA-256 that the file had, or one that it has made anew.
+It takes the SHA-256 that the file had, or one that it has made anew as anybody can.
 """
 
 import copy
+import hashlib
 import json
 import math
+import re
 import zipfile
 from typing import Any, NamedTuple
 
 import numpy as np
 from fuzzing import TEXTS, holder_of, places_in
 
-from flighttune.base.files.array import write_sealed
-from flighttune.base.files.claim import SEAL
-from flighttune.base.files.load import BLANK, seal
-
 FACTORS = 0.0, -1.0, 0.5, 0.9, 1.01, 2.0, 10.0
 TYPES = None, True, [], {}, "forged", 0, 1.5, [1.0], 10**400, math.nan, math.inf
+SEAL = re.compile(rb"SHA-256=[0-9a-f]{64}")
+
+
+def sealed(data):
+    """The bytes of a file with the SHA-256 of all its other bytes in the last place for one."""
+    *_, place = SEAL.finditer(data)
+    before, after = data[: place.start()], data[place.end() :]
+    return before + b"SHA-256=" + hashlib.sha256(before + after).hexdigest().encode() + after
 
 
 class Opened(NamedTuple):
@@ -34,25 +40,44 @@ class Opened(NamedTuple):
             return cls(json.loads(path.read_text()), {}, "", b"")
         with np.load(path) as file:
             arrays = dict(file)
-        member = next(name for name, array in arrays.items() if array.dtype.kind == "U")
+        texts = [name for name, array in arrays.items() if array.dtype.kind == "U"]
+        member = next(name for name in ("claim", "band", "monitor") if name in texts)
         tables = json.loads(str(arrays.pop(member)))
         return cls(tables, arrays, member, zipfile.ZipFile(path).comment)
 
-    def write(self, path, *, anew):
-        """Write it, with its old SHA-256 or with one that is made `anew`."""
+    def replace_comment(self, comment):
+        """The same with another comment of the archive."""
+        return Opened(self.tables, self.arrays, self.member, comment)
+
+    def write(self, path, *, anew=True):
+        """Write it, with its old SHA-256 or with one that is made `anew`; return its path."""
+        blank = f"SHA-256={'0' * 64}"
         if not self.member:
-            tables = {**self.tables, SEAL: BLANK} if anew else self.tables
-            text = json.dumps(tables, indent=2) + "\n"
-            path.write_bytes(seal(text.encode()) if anew else text.encode())
-            return
-        arrays = {self.member: np.array(json.dumps(self.tables)), **self.arrays}
-        if anew:
-            write_sealed(path, arrays)
-            return
+            tables = {**self.tables, "sha256": blank} if anew else self.tables
+            data = f"{json.dumps(tables, indent=2)}\n".encode()
+            path.write_bytes(sealed(data) if anew else data)
+            return path
         with path.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            text = np.array(json.dumps(self.tables))
+            np.savez_compressed(file, **{self.member: text}, **self.arrays)
         with zipfile.ZipFile(path, "a") as archive:
-            archive.comment = self.comment
+            archive.comment = blank.encode() if anew else self.comment
+        if anew:
+            path.write_bytes(sealed(path.read_bytes()))
+        return path
+
+
+def changed(file, path, change=None, **arrays):
+    """A copy of a claim's file with other tables and arrays (None: without it), sealed anew."""
+    opened = Opened.of(file)
+    opened.arrays.update(arrays)
+    for name in [name for name, array in arrays.items() if array is None]:
+        del opened.arrays[name]
+    if callable(change):
+        change(opened.tables)
+    else:
+        opened.tables.update(change or {})
+    return opened.write(path)
 
 
 def forged(whole, other, draw):
@@ -60,7 +85,7 @@ def forged(whole, other, draw):
     opened = copy.deepcopy(whole)
     if opened.arrays and draw.random() < 0.3:
         name = draw.choice([*opened.arrays])
-        opened.arrays[name] = _changed_array(opened.arrays, name, other.arrays, draw)
+        opened.arrays[name] = changed_array(opened.arrays, name, other.arrays, draw)
         if opened.arrays[name] is None:
             del opened.arrays[name]
         return opened, (name,)
@@ -88,7 +113,7 @@ def forged(whole, other, draw):
     return opened, place
 
 
-def _changed_array(arrays, name, others, draw):
+def changed_array(arrays, name, others, draw):
     """The array with a number changed, fewer or shuffled rows, that of another file, or none."""
     array = arrays[name].copy()
     kind = draw.choice(["number", "fewer", "shuffle", "swap", "drop"])
@@ -109,13 +134,8 @@ def _changed_array(arrays, name, others, draw):
 def same(one, two):
     """Whether two files say the same, to the bit."""
     texts = [json.dumps(x.tables, sort_keys=True) for x in (one, two)]
-    names = {*one.arrays} == {*two.arrays}
-    return (
-        texts[0] == texts[1]
-        and names
-        and all(
-            one.arrays[name].tobytes() == two.arrays[name].tobytes()
-            and one.arrays[name].shape == two.arrays[name].shape
-            for name in one.arrays
-        )
-    )
+
+    def bits(x):
+        return {name: (array.shape, array.tobytes()) for name, array in x.arrays.items()}
+
+    return texts[0] == texts[1] and bits(one) == bits(two)

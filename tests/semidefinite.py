@@ -8,8 +8,7 @@ import warnings
 
 import cvxpy as cp
 import numpy as np
-
-from flighttune.control.theory.lyapunov import lyapunov_solution
+from scipy.linalg import solve_continuous_lyapunov
 
 OPTIONS = {
     "solver": "CLARABEL",
@@ -33,7 +32,7 @@ def radius(A, Q):
 
 def largest_rate(A):
     """The Q with the smallest lambda_max under ``A' Q + Q A + I <= 0``."""
-    whole = lyapunov_solution(A)
+    whole = solve_continuous_lyapunov(A.T, -np.eye(len(A)))
     L, top = np.linalg.cholesky(whole), np.linalg.eigvalsh(whole)[-1]
     eye = np.eye(len(A))
     answers = []

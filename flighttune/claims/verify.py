@@ -71,10 +71,12 @@ def verified_band(
     again = min(flights_again(about.epsilon), counted) if count is None else count
     draws, forged = counting.some_draws(band, again), math.ceil(about.epsilon * counted)
     try:
-        files = counted_flights.plan_of(band).code
+        plan = counted_flights.plan_of(band)
+        files = plan.code
         if files and not run_code:
             reason = f"not checked: flying its flights again runs {listed(files)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
+        about.kind.measures.chosen(plan, about.signals)  # this refuses those that no flight has
         with WorkerPool(fliers) as pool:
             if differ := counting.differing(band, draws, pool):
                 raise InputError(

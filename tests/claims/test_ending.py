@@ -5,11 +5,10 @@ import re
 
 import numpy as np
 import pytest
-from made_up_band import about_of
 from scipy.stats import binom
 
-import flighttune as ft
 from flighttune.claims import ending as endings
+from flighttune.claims.about import About
 
 EPSILON, CONFIDENCE = 0.05, 0.95
 ROUNDING = 1e-9  # relative
@@ -21,13 +20,10 @@ ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
 
 def about_ending(ending, learned=10, **fields):
     """What a file states of a count with one signal that ends so."""
+    one = np.ones((1, 1))
+    shape = {"signals": {"h": "m"}, "coefficients": one[None], "half": one, "predicted_from": None}
     plan = {"runs": learned + ending.flights}
-    return about_of(plan=plan, learned=learned, **ending.stated, **fields)
-
-
-@pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS)
-def test_an_ending_comes_back_from_what_a_file_states(ending):
-    assert endings.Ending.of(about_ending(ending)) == ending
+    return About(**shape, plan=plan, learned=learned, **ending.stated, **fields)
 
 
 @pytest.mark.parametrize(
@@ -106,20 +102,6 @@ def test_a_count_is_decided_where_the_answer_is_certain(
     assert ending.complete(flights) == complete
 
 
-@pytest.mark.parametrize("outside", [[0, 2], [2, 0]])
-def test_one_claim_of_several_is_enough_for_an_answer(outside):
-    """Of 93 flights one may be outside; in two steps the first ends where none is, of any claim."""
-    assert FIXED.decided(outside, 24)
-    assert not TWO.decided([min(x, 1) for x in outside], 66)
-    assert ANY.decided([6 * x for x in outside], 12)
-    assert not ANY.decided([0, 0], 12)
-
-
-def test_a_count_of_nothing_is_not_complete_and_its_last_flight_is_no_look():
-    assert not FIXED.complete(0)
-    assert endings.Fixed(flights=96, epsilon=EPSILON, confidence=CONFIDENCE).looks() == [24, 48]
-
-
 @pytest.mark.parametrize(
     ("ending", "looks"),
     [(FIXED, [24, 48]), (TWO, [24, 48, 66, 96]), (ANY, [*range(12, 208, 12)])],
@@ -160,27 +142,6 @@ def test_a_single_claim_shares_its_confidence_with_none():
     shared = FIXED.shared(about_ending(FIXED), 93)
 
     assert (shared.confidence, shared.words) == (pytest.approx(0.95), "")
-
-
-@pytest.mark.parametrize("claims", [1, 2, 3])
-def test_claims_that_share_a_confidence_add_up_to_it(claims):
-    assert 1.0 - claims * (1.0 - endings.each_of(claims, 0.95)) == pytest.approx(0.95)
-
-
-@pytest.mark.parametrize("rule", [endings.Fixed.enough, endings.AnyTime.enough])
-def test_too_few_flights_for_a_claim_are_refused(rule):
-    """0.95^59 is the first power below 0.05."""
-    assert rule(59, EPSILON, CONFIDENCE).flights == 59
-    with pytest.raises(ft.InputError, match="`flights` must be at least 59"):
-        rule(58, EPSILON, CONFIDENCE)
-
-
-@pytest.mark.parametrize("rule", [endings.Fixed.enough, endings.AnyTime.enough])
-def test_as_many_flights_as_five_outside_need_are_planned(rule):
-    planned = rule(None, EPSILON, CONFIDENCE).flights
-
-    assert binom.cdf(5, planned, EPSILON) <= 1.0 - CONFIDENCE < binom.cdf(5, planned - 1, EPSILON)
-    assert rule(None, EPSILON, CONFIDENCE, outside=0).flights == 59
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """When made-up flights leave a box, are ended, and come down: times and distances by hand."""
 
-import math
-
 import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
@@ -75,12 +73,6 @@ def test_a_flight_leaves_at_the_first_look_outside_or_where_its_model_ends(run, 
     assert found == pytest.approx([left, run.t[-1], NEVER, NEVER])
 
 
-def test_a_flight_without_samples_left_at_its_start():
-    none = made_up_run({"north": []}, [], status="no_trim")
-
-    assert probe(BOX)(none, SCENARIO) == [0.0, 0.0, NEVER, NEVER]
-
-
 @pytest.mark.parametrize(
     ("how", "after_s", "left", "ended_s"),
     [
@@ -151,21 +143,6 @@ def test_an_ended_flight_comes_down_inside_where_its_fall_is_shorter_than_the_ro
     assert left == pytest.approx(NEVER if declared and beyond > 0.0 else 3.0)
 
 
-@pytest.mark.parametrize(
-    ("how", "status", "left"), [("cut", "left_envelope", 3.0), ("glide", "completed", NEVER)]
-)
-def test_a_flight_before_its_ending_is_one_that_nothing_ends(how, status, left):
-    """It would be ended at 10.5 s: the autopilot flies on, and no fall is declared for it."""
-    assert probe(how=how, after_s=9.0, fall_per_height=0.0)(flight(3.0, status), FAULTY)[0] == left
-
-
-def test_a_flight_of_few_samples_is_looked_at_in_each():
-    slow, t = made_up_scenario(controller={"rate_hz": 4.0}), np.arange(25) / 4.0
-    run = made_up_run({"north": V * t, "east": 0.0 * t, "h": 300.0 + 0.0 * t}, t)
-
-    assert probe(BOX)(run, slow)[0] == 4.25
-
-
 # Flights are ended before their last sample, and at it.
 @pytest.mark.parametrize("after_s", [0.5, 1.5])
 @pytest.mark.parametrize(("room", "inside"), [(RISE + 0.1, True), (RISE - 0.1, False)])
@@ -176,17 +153,6 @@ def test_a_fall_stays_under_the_top_if_all_speed_becomes_height(room, inside, af
     left = fallen(flight(3.0, status="left_envelope"), FAULTY)[0]
 
     assert left == pytest.approx(NEVER if inside else 3.0)
-
-
-@pytest.mark.parametrize(("lead_s", "at_m"), [(0.0, 2.5 * V - 10.0), (0.5, 3.0 * V - 10.0)])
-def test_the_route_is_left_where_commands_that_are_planned_ahead_reach(lead_s, at_m):
-    t = np.arange(301) / RATE
-    run = flight(along=V * t - 10.0)
-
-    assert probe(how="circle", after_s=1.0, lead_s=lead_s)(run, FAULTY)[3] == pytest.approx(at_m)
-    # before the beginning of the route there is no place on it
-    behind = flight(along=V * t - 500.0)
-    assert probe(how="circle", after_s=1.0, lead_s=lead_s)(behind, FAULTY)[3] == 0.0
 
 
 def watching(half=1.0):
@@ -207,46 +173,3 @@ def test_the_first_of_alarm_and_fault_ends_a_flight(after_s, after_alarm_s, ende
     ended = probe(how="turn_back", after_s=after_s, alarms=watching(), after_alarm_s=after_alarm_s)
 
     assert ended(run, FAULTY)[2] == pytest.approx(ended_s)
-
-
-def test_a_monitor_is_silent_within_its_limits_and_where_it_cannot_judge():
-    t = np.arange(301) / RATE
-    run = flight(V_a=np.where(t < 2.0, V, V + 100.0))
-
-    assert watching(half=200.0).first(run) == math.inf
-    assert watching().first(made_up_run({"V_a": [40.0]}, [0.0])) == math.inf
-    assert watching().first(made_up_run({"h": t}, t)) == math.inf
-
-
-def test_a_volume_keeps_flights_in_and_out_of_its_areas_and_between_its_heights():
-    inner = tuple((0.5 * n, 0.5 * e) for n, e in CORNERS)
-    volume = leaving.Volume(rings=(CORNERS, inner), outside=(False, True), low=-20.0, high=HIGH)
-
-    found = volume.margins(np.array([
-        [75.0, 0.0, 0.0], [40.0, 0.0, 30.0], [130.0, 0.0, 60.0], [-90.0, 10.0, -25.0]
-    ]))  # fmt: skip
-
-    # to the nearer of both rings, to the top, to the floor
-    assert found == pytest.approx(np.array([
-        [25.0, 50.0, 20.0], [-10.0, 20.0, 50.0], [-30.0, -10.0, 80.0], [10.0, 75.0, -5.0]
-    ]))  # fmt: skip
-    assert np.isinf(WIDE.margins(np.zeros((1, 3)))[0, 1:]).all()
-
-
-@pytest.mark.parametrize("beyond", [-0.5, 0.5])
-def test_a_fall_begins_at_the_height_at_which_the_record_ends(beyond):
-    """At 10 m/s upwards for 3 s it is 30 m higher, and falls farther by 1.5 m."""
-    far = 3.0 * V + FAR + 30.0 * FALL + beyond
-    ring = ((-2e4, -2e4), (far, -2e4), (far, 2e4), (-2e4, 2e4))
-    volume = leaving.Volume(rings=(ring,), outside=(False,), low=None, high=None)
-    fallen = probe(volume, "cut", 0.5, fall_per_height=FALL)
-
-    left = fallen(flight(3.0, status="left_envelope", climb=10.0), FAULTY)[0]
-
-    assert left == pytest.approx(NEVER if beyond > 0.0 else 3.0)
-
-
-def test_a_fault_of_the_receiver_begins_where_its_scenario_says():
-    scenario = made_up_scenario(navigation={"fault": {"from_s": 2.5, "jump_m": 10.0}})
-
-    assert leaving.fault_time(scenario) == 2.5

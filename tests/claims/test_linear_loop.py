@@ -1,7 +1,5 @@
 """Bounds of flights of linear loops, for which every answer is known, and of the law."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made_up import made_up_run, shortened
@@ -12,7 +10,6 @@ import flighttune as ft
 from flighttune.claims import linear_loop
 from flighttune.control.linear_model import disturbance_entry
 from flighttune.control.theory.lyapunov import invariant_ellipsoid
-from tests.outputs.recording.conftest import LAW, SCENARIO, flown
 
 FIGURES, UNIT = ft.loop.indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
 DT, L_D = 0.01, 0.015
@@ -83,24 +80,6 @@ def test_a_linear_loop_under_its_worst_disturbance_stays_below_its_bound(directi
     assert check.size.max() > 0.5 * check.radius  # the bound is not far above it
 
 
-def test_the_bound_is_the_exponential_and_what_the_disturbance_can_add():
-    check, run = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5])
-    s_0, since = linear_loop.error_states(run)[0][0], check.t - check.t[0]
-
-    start = np.sqrt(s_0 @ FIGURES.Q @ s_0 / np.linalg.eigvalsh(FIGURES.Q)[0])
-    exponential = start * np.exp(-0.5 * FIGURES.R_K * since)
-    assert not exceeded(check)
-    assert check.bound[0] == pytest.approx(start)
-    assert (check.bound <= exponential + check.radius).all()
-    assert check.bound[-1] == pytest.approx(exponential[-1] + check.radius, rel=FIRST_SAMPLES)
-    # V' = a (L_d^2 - V) from 0, by Euler steps
-    V = 0.0
-    for _ in range(200):
-        V += DT * UNIT.multiplier * (L_D**2 - V)
-    expected = exponential[200] + UNIT.radius * np.sqrt(V)
-    assert check.bound[200] == pytest.approx(expected, rel=FIRST_SAMPLES)
-
-
 def test_what_a_disturbance_adds_grows_from_nothing():
     """After the first second V' = a (L_d^2 - V) has come to 1 - exp(-a)."""
     check, _ = linear_flight(random_pushes(2), np.zeros(4))
@@ -110,27 +89,6 @@ def test_what_a_disturbance_adds_grows_from_nothing():
     added = UNIT.radius * L_D * np.sqrt(1.0 - np.exp(-UNIT.multiplier * since))
     start = check.bound[0] * np.exp(-0.5 * FIGURES.R_K * since)
     assert check.bound[second] == pytest.approx(start + added)
-
-
-def test_states_are_the_errors_and_their_rates_in_the_middle_of_a_sample():
-    """A reference of 0.3 t that an angle of 0.1 t follows, and an angle of -0.05 t at rest."""
-    t = np.arange(5) * DT
-    signals = {
-        "chi_ref": 0.3 * t, "chi": 0.1 * t, "chi_err": 0.2 * t,
-        "gamma_ref": 0.0 * t, "gamma": -0.05 * t, "gamma_err": 0.05 * t,
-    }  # fmt: skip
-
-    states, moved = linear_loop.error_states(made_up_run(signals, t))
-
-    middle = t[:-1] + 0.5 * DT
-    rates = np.full(4, 0.2), np.full(4, 0.05)
-    assert states == pytest.approx(np.column_stack([*rates, 0.2 * middle, 0.05 * middle]))
-    assert not moved.any()
-
-
-def test_a_disturbance_faster_than_stated_breaks_the_bound():
-    v = worst([0.0, 0.0, 1.0, 0.0], 30.0)
-    assert exceeded(linear_flight(v, np.zeros(4), L_d=0.2 * L_D)[0])
 
 
 def test_there_is_no_bound_while_a_limit_holds_a_command_and_it_starts_anew_behind_it():
@@ -143,18 +101,6 @@ def test_there_is_no_bound_while_a_limit_holds_a_command_and_it_starts_anew_behi
     assert check.bound[first] == pytest.approx(np.sqrt(s @ Q @ s / np.linalg.eigvalsh(Q)[0]))
 
 
-@pytest.mark.parametrize("limited", ["phi_limited", "n_z_limited"])
-def test_a_limit_of_either_command_leaves_no_bound(limited):
-    check, run = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5])
-    held = np.where((run.t > 1.99) & (run.t < 3.0), 1.0, 0.0)
-    signals = run.signals.assign(**{limited: held})
-
-    again = linear_loop.bound_of(replace(run, signals=signals), FIGURES, UNIT, L_D)
-
-    assert (np.isnan(again.bound) == (held[:-1] > 0.0)).all()
-    assert again.bound[: int(1.9 / DT)] == pytest.approx(check.bound[: int(1.9 / DT)])
-
-
 @pytest.mark.parametrize("by", [(0.8, 0.0), (0.0, 0.8)])
 def test_a_step_of_the_reference_does_not_break_the_bound(by):
     v = worst([0.0, 0.0, *np.sign(by)], 40.0)
@@ -164,49 +110,6 @@ def test_a_step_of_the_reference_does_not_break_the_bound(by):
     assert (check.size[around] > check.radius).all()
     assert not exceeded(check)
     assert np.isnan(check.bound).sum() == 2  # up and flat again
-
-
-def test_a_loop_slower_than_its_gains_exceeds_the_bound():
-    lame = ft.PIGains(K_P=0.12 * ft.PAPER_GAINS.K_P, K_I=0.02 * ft.PAPER_GAINS.K_I)
-    (slow,) = flown(plant=[LAW], gains=[{"name": "lame", **lame.as_lists()}])
-    pretended = replace(slow, provenance=replace(slow.provenance, gains=ft.PAPER_GAINS))
-
-    found = linear_loop.linear_bound(pretended)
-
-    assert exceeded(found)
-
-
-def test_there_is_a_bound_only_of_what_the_statement_is_about():
-    (run,) = flown(plant=[LAW], gains=["paper"])
-    unstable = ft.PIGains(K_P=-ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
-
-    def check(signals=run.signals, scenario=SCENARIO, **made):
-        made_by = replace(run.provenance, scenario=scenario, **made)
-        return linear_loop.linear_bound(replace(run, signals=signals, provenance=made_by))
-
-    assert check() is not None
-    assert check(gains=None) is None
-    assert check(gains=unstable) is None
-    assert check(signals=run.signals.iloc[:3]) is None
-    assert check(signals=run.signals.drop(columns="n_z_cmd")) is None
-    assert check(signals=run.signals.assign(gamma_err=np.nan)) is None
-    assert check(scenario={key: SCENARIO[key] for key in SCENARIO if key != "flight"}) is None
-    for plant in ("point_mass", "point_mass_lag", "jsbsim:aerosonde"):
-        assert check(plant=plant) is None
-    disturbance = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.5}
-    for tables in (
-        {"wind": {"speed_mps": 5.0}},
-        {"gust": {"peak_mps": 5.0}},
-        {"navigation": {"grade": "rtk"}},
-        {"turbulence": {"intensity": "light"}},
-        {"sensors": {"chi_bias_deg": 0.5}},
-        {"disturbance": {**disturbance, "as_wind": True}},
-        {"disturbance": {**disturbance, "wave": "square"}},
-        {"disturbance": {"chi_amplitude": 0.1, "chi_switch_s": [1.0]}},
-    ):
-        assert check(scenario={**SCENARIO, **tables}) is None
-    stated = check(scenario={**SCENARIO, "disturbance": disturbance})
-    assert stated.radius == pytest.approx(0.1 * 0.5 * unit_radius(30.0))
 
 
 @pytest.mark.slow

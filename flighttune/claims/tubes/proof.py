@@ -176,7 +176,8 @@ class Replay:
             return None
         flags, splits, row = (self._next(len(pieces)) for _ in range(3))
         is_row = (row >= 0) & (row < len(pieces.constrained))
-        if side not in channels[int(i)].excesses or not is_row.all():
+        is_limit = 0 <= i < len(channels) and side in channels[int(i)].excesses
+        if not (is_limit and is_row.all()):
             raise IndexError("a split names a limit or a constraint that is not there")
         return int(i), side, flags > 0.0, splits, row.astype(np.intp)
 

@@ -6,7 +6,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-import flighttune as ft
 from flighttune.claims.tubes import forms, interval
 
 ROUNDING = 1e-12
@@ -77,13 +76,6 @@ def test_a_sum_of_absolute_values_is_not_rounded_down():
     assert Fraction(float(forms.absolute_sum(values))) >= least
 
 
-def test_a_widened_form_has_both_errors():
-    _, err, size = exactly(form_of(1.0, 0.5, err=0.25).widened(0.375))
-
-    assert err == pytest.approx(Fraction(5, 8))
-    assert size == pytest.approx(Fraction(17, 8))
-
-
 @pytest.fixture
 def pieces():
     """Two pieces of two rows with errors, over four of seven symbols."""
@@ -124,21 +116,6 @@ def test_a_range_is_rounded_outwards():
 
         assert Fraction(values.low.item()) <= Fraction(centre) - Fraction(0.3)
         assert Fraction(values.high.item()) >= Fraction(centre) + Fraction(0.3)
-
-
-def test_rows_that_are_put_and_symbols_of_their_errors_keep_their_ranges(pieces):
-    first, second = pieces.forms()
-    before = [ends(pieces.plain_range(form)) for form in (first, second)]
-
-    fresh = pieces.fresh(second, kind=6)
-    pieces.put([fresh, first])
-
-    assert (pieces.used, pieces.kind[4]) == (5, 6)
-    assert fresh.err.tolist() == [0.0, 0.0]
-    assert fresh.coefficients[:, 5].tolist() == [0.5, 0.75]
-    after = [ends(pieces.plain_range(form)) for form in pieces.forms()]
-    assert after[0] == pytest.approx(before[1])
-    assert after[1] == pytest.approx(before[0])
 
 
 @pytest.mark.parametrize("multipliers", [(-0.5, 0.3), (0.0, 0.0), (0.7, -0.2)])
@@ -183,17 +160,6 @@ def test_a_range_under_a_constraint_contains_what_is_left_of_it_exactly():
         assert Fraction(found.high.item()) >= centre + radius
 
 
-def test_split_pieces_keep_their_errors_and_dropped_ones_leave_those_of_others(pieces):
-    pieces.split(np.array([1, 0]))
-    assert pieces.err[:, 1].tolist() == [0.5, 0.75, 0.75, 0.5]
-    assert pieces.values[:, 1, 0].tolist() == [-2.0, 5.0, 5.0, -2.0]
-
-    pieces.keep(np.array([False, True, False, True]))
-
-    assert pieces.err[:, :2].tolist() == [[0.125, 0.75], [0.25, 0.5]]
-    assert pieces.values[:, :2, 0].tolist() == [[3.0, 5.0], [1.0, -2.0]]
-
-
 def test_removed_symbols_and_errors_are_in_the_box_of_each_row(pieces):
     """Symbols 0 and 2 are joined, 1 is dropped: ranges of sums of rows are known by hand."""
     before = pieces.values[:, :2, 1:5].copy()
@@ -211,14 +177,6 @@ def test_removed_symbols_and_errors_are_in_the_box_of_each_row(pieces):
     assert pieces.values[:, :2, 2] == pytest.approx(before[..., 3])
     box = np.abs(before[..., 1]) + np.abs(other) + errors
     assert pieces.values[:, [0, 1], [3, 4]] == pytest.approx(box)
-
-
-@pytest.mark.parametrize(
-    "pairs", [[[0, 1], [1, -1]], [[-1, 2]], [[4, -1]], [[0, 4]], [[2, 2]], [[3, -1], [3, -1]]]
-)
-def test_symbols_that_are_not_in_use_or_named_twice_are_not_removed(pieces, pairs):
-    with pytest.raises(ft.InputError, match="`pairs` must name each symbol in use at most once"):
-        pieces.reduce(np.array(pairs))
 
 
 def test_joined_symbols_contain_the_exact_ones():
@@ -308,45 +266,3 @@ def test_a_kink_is_enclosed_by_a_line_of_any_slope_and_no_wider_than_its_ends(en
     x = 0.5 * (low + high) + radius * (0.75 * xi + 0.25 * off)
     line = found.coefficients[0, 0] + found.coefficients[0, 1] * xi
     assert np.abs(np.maximum(x, 0.0) - line).max() <= found.err.item() + ROUNDING
-
-
-@pytest.mark.parametrize(("roll", "change"), [(1.3, 0.3), (-1.3, -0.3)])
-def test_a_bank_that_may_become_upright_is_not_enclosed(roll, change):
-    piece = forms.Pieces(np.zeros((1, 1)), constraints=0, capacity=1)
-    quantities = [
-        forms.Quantity(form, piece.plain_range(form))
-        for form in (form_of(roll, 0.1), form_of(change, 0.01))
-    ]
-
-    with pytest.raises(interval.Unbounded, match=r"roll cannot be kept inside 89\.4 deg"):
-        forms.secant_change(*quantities)
-
-
-@pytest.mark.parametrize("angle", [(-0.1, 1.57), (-1.57, 0.1), (1.0, np.nan)])
-def test_one_piece_with_an_angle_beyond_the_largest_is_refused(angle):
-    low, high = np.transpose([(-0.1, 0.1), angle])
-
-    with pytest.raises(interval.Unbounded):
-        interval.check_inside(interval.Interval(low, high), "roll")
-    interval.check_inside(interval.Interval(low[:1], high[:1]), "roll")
-
-
-def test_crossed_ends_of_one_piece_are_ordered():
-    found = interval.Interval(np.array([1.0, -2.0]), np.array([0.0, 3.0])).ordered
-
-    assert ends(found).tolist() == [[0.0, 1.0], [-2.0, 3.0]]
-
-
-SIGNS = [((2.0, 3.0), (5.0, 7.0)), ((-3.0, -2.0), (5.0, 7.0)), ((-3.0, 2.0), (-7.0, 5.0))]
-
-
-@pytest.mark.parametrize(("one", "other"), [*SIGNS, *(pair[::-1] for pair in SIGNS)])
-def test_products_and_quotients_reach_all_that_their_factors_do(one, other):
-    a, b = (interval.Interval(*np.array(x)[:, np.newaxis]) for x in (one, other))
-
-    of_corners = [x * y for x, y in product(one, other)]
-    assert ends(a * b)[0] == pytest.approx([min(of_corners), max(of_corners)])
-    assert a.largest.item() == max(map(abs, one))
-    if min(other) > 0.0:
-        of_corners = [x / y for x, y in product(one, other)]
-        assert ends(a / b)[0] == pytest.approx([min(of_corners), max(of_corners)])

@@ -2,7 +2,6 @@
 
 from fractions import Fraction
 from itertools import product
-from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -13,10 +12,9 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.claims.tubes import forms, proof
 from flighttune.claims.tubes import interval as intervals
+from flighttune.claims.tubes import proof
 from flighttune.claims.tubes.dynamics import SampledLag
-from flighttune.claims.tubes.sample import RATES
 from flighttune.control.theory import exact
 from flighttune.vehicles.plants.lagged import LaggedChannel
 
@@ -24,125 +22,6 @@ ROUNDING = 1e-12
 """Of the members, which are computed in floating point."""
 
 PIECES, ROWS, SYMBOLS, MEMBERS = 3, 3, 12, 200
-
-
-@pytest.fixture
-def pieces():
-    rng = np.random.default_rng(7)
-    made = forms.Pieces(rng.uniform(-0.4, 0.4, (PIECES, ROWS)), constraints=1, capacity=SYMBOLS + 8)
-    made.make_room(SYMBOLS + 8)
-    made.values[:, :ROWS, 1 : 1 + SYMBOLS] = rng.uniform(-0.03, 0.03, (PIECES, ROWS, SYMBOLS))
-    made.used = SYMBOLS
-    made.kind[:SYMBOLS] = np.arange(SYMBOLS) % 3
-    return made
-
-
-def members(form, symbols):
-    """Values of a form for rows of symbols, shape (P, members)."""
-    return form.coefficients[:, :1] + form.coefficients[:, 1:] @ symbols
-
-
-def inside(form, symbols, values):
-    return np.all(np.abs(members(form, symbols) - values) <= form.err[:, np.newaxis] + ROUNDING)
-
-
-@pytest.fixture
-def symbols(pieces):
-    rng = np.random.default_rng(8)
-    return rng.choice([-1.0, 1.0], (pieces.capacity, MEMBERS)) * rng.choice([1.0, 0.3], MEMBERS)
-
-
-def ranged(pieces, form):
-    return forms.Quantity(form, pieces.plain_range(form))
-
-
-@pytest.mark.parametrize(
-    ("enclosure", "function"),
-    [
-        (lambda a, _: forms.tangent(a), lambda x, _: np.tan(x)),
-        (lambda a, _: forms.cosine_of(a).form, lambda x, _: np.cos(x)),
-        (lambda a, _: forms.secant(a).form, lambda x, _: 1.0 / np.cos(x)),
-        (forms.product, np.multiply),
-        (forms.secant_change, lambda x, y: 1.0 / np.cos(x) - 1.0 / np.cos(x + y)),
-        # A kink, whatever the slope
-        *(
-            (lambda a, _, slope=slope: forms.positive_part(a, slope), lambda x, _: np.maximum(x, 0))
-            for slope in (0.0, 0.37, 1.0)
-        ),
-    ],
-)
-def test_a_function_is_enclosed(pieces, symbols, enclosure, function):
-    both = [ranged(pieces, form) for form in pieces.forms()[:2]]
-    x, y = (members(quantity.form, symbols) for quantity in both)
-
-    assert inside(enclosure(*both), symbols, function(x, y))
-
-
-@pytest.mark.parametrize(
-    ("enclosure", "function"),
-    [(forms.cosine_of, np.cos), (forms.secant, lambda x: 1.0 / np.cos(x))],
-)
-def test_the_values_of_a_function_are_enclosed(pieces, symbols, enclosure, function):
-    angle = pieces.forms()[0]
-    exactly = function(members(angle, symbols))
-
-    values = enclosure(ranged(pieces, angle)).values
-
-    assert (values.low <= exactly.min(axis=1) + ROUNDING).all()
-    assert (values.high >= exactly.max(axis=1) - ROUNDING).all()
-
-
-@pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
-def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
-    a, c, _ = pieces.forms()
-    a, b = forms.combined((scale, a)), forms.combined((1.0, c), shift=1.0)
-
-    found = forms.arctangent(ranged(pieces, a), ranged(pieces, b))
-
-    assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
-
-
-def test_sums_of_many_forms_contain_the_exact_ones():
-    """Their coefficients are rounded: 20 terms of like size, which cancel in part."""
-    rng = np.random.default_rng(4)
-    terms = [forms.Form(x, np.zeros(1), np.abs(x).sum(axis=1)) for x in rng.normal(size=(20, 1, 3))]
-    weights = rng.normal(size=(5, 20))
-
-    sums = forms.transformed(weights, terms)
-
-    for row, found in zip(weights, sums, strict=True):
-        for j, coefficient in enumerate(found.coefficients[0]):
-            products = zip(row, (term.coefficients[0, j] for term in terms), strict=True)
-            exactly = sum(Fraction(a) * Fraction(b) for a, b in products)
-            assert abs(Fraction(coefficient) - exactly) <= Fraction(found.err[0])
-
-
-def test_fewer_symbols_make_no_range_smaller(pieces):
-    weights = np.random.default_rng(9).uniform(-1.0, 1.0, (20, ROWS))
-
-    def ranges():
-        sums = forms.transformed(weights, pieces.forms())
-        values = [pieces.plain_range(form) for form in sums]
-        return np.array([[value.low, value.high] for value in values])
-
-    before = ranges()
-    pieces.reduce(np.array([[0, 3], [1, 4], [2, -1], [5, -1], [6, 9]]))
-
-    assert pieces.used == SYMBOLS - 5 + ROWS + 1
-    assert ((ranges() - before) * [[1.0], [-1.0]] <= ROUNDING).all()
-
-
-def test_a_constraint_cuts_the_range_to_what_it_says(pieces):
-    form = pieces.forms()[0]
-    whole = pieces.plain_range(form)
-    half = intervals.Interval(whole.low, whole.middle)
-    every = np.arange(PIECES)
-
-    pieces.constrain(every, np.zeros(PIECES, dtype=int), form, half)
-    found = pieces.constrained_range(form, half.radius[:, np.newaxis])
-
-    assert found.high == pytest.approx(half.high, abs=ROUNDING)
-    assert np.all(found.high >= half.high)
 
 
 NUMBER = st.floats(-1e3, 1e3)
@@ -190,17 +69,6 @@ def test_a_set_refuses_a_point_just_outside():
         assert proof.inside(ranges, centre, size)
         ranges[row] = point
         assert not proof.inside(ranges, centre, size)
-
-
-def test_the_hull_of_a_parallelotope_is_its_set_rounded_outwards():
-    rng = np.random.default_rng(3)
-    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
-    size = np.abs(rng.normal(size=5))
-
-    hull = proof.hull(proof.parallelotope(W, centre, size), W)
-
-    assert not proof.inside(hull, centre, size)
-    assert proof.inside(hull, centre, (1.0 + 1e-9) * size)
 
 
 def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
@@ -354,50 +222,3 @@ def test_a_lag_is_sampled_to_the_last_digit(frequency, h):
     # No delay: the older command, in the middle, does not act.
     assert sampled.transition[0] == pytest.approx([kept, 0.0, -np.expm1(-x)], rel=ROUNDING)
     assert sampled.mean == pytest.approx([mean, 0.0, 1.0 - mean], rel=ROUNDING)
-
-
-def test_bounds_for_ever_are_of_the_tube_and_of_the_second_round():
-    """A round begins in a box that is wider than the flights: the first one is left out."""
-    passed = np.zeros((4, 4, 2))
-    passed[:2], passed[2, :, 0], passed[3, :, 1] = [-9.0, 9.0], -1.0, 2.0
-
-    assert proof.for_ever(np.zeros((2, 4, 2)), passed).tolist() == [[-1.0, 2.0]] * 4
-
-
-@pytest.mark.parametrize(("end", "wide"), [(0, -2.0), (1, 2.0)])
-def test_a_loop_is_settled_once_its_boxes_stay_within_the_last(end, wide):
-    boxes = np.tile([-1.0, 1.0], (6, 4, 1))
-    boxes[1, :, end] *= 0.5
-    boxes[2, 3, end] = wide
-
-    assert proof.settled_from(SimpleNamespace(reference=np.zeros((6, 7)), boxes=boxes)) == 3
-
-
-@pytest.mark.parametrize(
-    ("last", "settled"),
-    [(-1, 0), (0, 1), (3, 4), (4, 6)],  # one sample alone is too few: then none is
-)
-@pytest.mark.parametrize("column", [0, 3])
-def test_a_loop_is_settled_once_its_reference_is_the_last(column, last, settled):
-    reference, boxes = np.zeros((6, 7)), np.tile([-1.0, 1.0], (6, 4, 1))
-    reference[: last + 1, column] = 1.0
-
-    assert proof.settled_from(SimpleNamespace(reference=reference, boxes=boxes)) == settled
-
-
-def test_a_reference_that_turns_at_a_constant_rate_is_not_settled():
-    reference, boxes = np.zeros((6, 7)), np.tile([-1.0, 1.0], (6, 4, 1))
-    reference[:, RATES] = 0.1
-
-    assert proof.settled_from(SimpleNamespace(reference=reference, boxes=boxes)) == 6
-
-
-@pytest.mark.parametrize("at", range(4))
-def test_bounds_for_ever_hold_at_every_sample_of_both_rounds(at):
-    """Two samples after the last one, then two of the second round; the first is within these."""
-    after_end, passed = np.zeros((2, 4, 2)), np.zeros((4, 4, 2))
-    passed[:2] = [-9.0, 9.0]
-    later = (after_end, passed)[at // 2]
-    later[at, :, 0], later[at, :, 1] = -3.0, 2.0
-
-    assert proof.for_ever(after_end, passed).tolist() == [[-3.0, 2.0]] * 4

@@ -11,25 +11,20 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from made_up_tubes import BRAKING_LATE, EXACT_PAPER, bang_bang, disturbed_flight, tube_scenario
+from enclosed import EXACT, FED_BACK, KINEMATIC, POINT, manoeuvre
 from scipy.linalg import expm
 from scipy.optimize import linprog
 
 import flighttune as ft
-from flighttune.claims.tubes import sample
-from flighttune.claims.tubes.exact import enclosure_of
-from flighttune.claims.tubes.search import Search
-from flighttune.claims.tubes.tube import stated_problem
+from flighttune.claims.tubes import exact, sample, search, tube
+from flighttune.flight import conditions
+from flighttune.flight.loop.loop import simulate
 
 DEG = math.pi / 180.0
-
-FED_BACK = replace(EXACT_PAPER, feedback=(0.5, 0.3))
 
 SOLVED = 1e-6
 """Tolerance of the linear programs, which HiGHS solves to 1e-7."""
 
-KINEMATIC = {"kind": "kinematic"}
-POINT = {"kind": "point_mass"}
 FIRST_ORDER = {
     "kind": "point_mass_lag",
     "roll_lag_rad_s": 8.0,
@@ -39,16 +34,16 @@ FIRST_ORDER = {
 SECOND_ORDER = FIRST_ORDER | {"roll_damping": 0.7, "n_z_damping": 1.2, "n_z_delay_s": 0.05}
 
 
-class Contrary(Search):
+class Contrary(search.Search):
     """A plan that splits at random limits and takes random slopes: a proof may hold any choices."""
 
     def __init__(self, loop, rng, splits):
         super().__init__(loop)
-        self._rng, self._splits, self.limits = rng, splits, set()
-        self._commands = 1 + loop.law.feeds_back
+        self.rng, self.splits, self.limits = rng, splits, set()
+        self.commands = 1 + loop.law.feeds_back
 
     def slope(self, values):
-        return super().slope(values) + self._rng.choice([-0.3, 0.0, 0.0, 0.3], len(values.low))
+        return super().slope(values) + self.rng.choice([-0.3, 0.0, 0.0, 0.3], len(values.low))
 
     def cut(self, pieces, channels):
         met = []
@@ -57,12 +52,12 @@ class Contrary(Search):
                 which = (excess.values.low < -1e-6) & (excess.values.high > 1e-6)
                 if which.any():
                     met.append((i, side, which))
-        if not (met and self._splits and self._rng.random() < 0.5):
+        if not (met and self.splits and self.rng.random() < 0.5):
             return None
-        self._splits -= 1
-        i, side, which = met[self._rng.integers(len(met))]
-        self.limits.add(("phi", "n_z")[i // self._commands])
-        rows = self._rng.integers(0, sample.SPLITS, len(pieces))
+        self.splits -= 1
+        i, side, which = met[self.rng.integers(len(met))]
+        self.limits.add(("phi", "n_z")[i // self.commands])
+        rows = self.rng.integers(0, sample.SPLITS, len(pieces))
         return i, side, which, np.zeros(len(pieces)), rows
 
 
@@ -80,7 +75,7 @@ def lag_states(lag, commands, start, dt, k):
     return y
 
 
-def whole_state(problem, signals, start, k):
+def whole_state(problem, signals, expected, start, k):
     """What the rows of a set are at sample k, before the controller acts."""
     loop, row = problem.loop, signals.iloc[k]
     phi, n_z = np.array(signals["phi_cmd"]), np.array(signals["n_z_cmd"])
@@ -100,7 +95,7 @@ def whole_state(problem, signals, start, k):
     for lag, (first, sent) in zip(loop.lags, commands, strict=False):
         state += [sent[k - 1 - i] if k > i else first for i in range(lag.older + 1)]
     if loop.law.feeds_back:
-        state += signals.attrs["expected"][k - 1] if k else [start.phi, start.n_z_start]
+        state += expected[k - 1] if k else [start.phi, start.n_z_start]
     return np.array(state)
 
 
@@ -153,29 +148,56 @@ def linear_program(G, off, slack, constraints):
     raise AssertionError(solved.message)
 
 
-def with_law(plant, *, exact, fed_back=False, **manoeuvre):
-    """A manoeuvre of the paper's law or of the exact law, of some samples, on a plant."""
-    tables = tube_scenario(**manoeuvre).as_dict() | {"plant": [plant]}
-    if not exact:
-        return ft.scenario_from(tables), ft.PAPER_GAINS
-    gains = FED_BACK if fed_back else EXACT_PAPER
-    return ft.scenario_from(tables | {"law": [BRAKING_LATE]}), gains
+def with_law(plant, law, **how):
+    """A manoeuvre of the paper's law, the exact law or one that is fed back, on a plant."""
+    gains = {"paper": ft.PAPER_GAINS, "exact": EXACT, "fed back": FED_BACK}[law]
+    return manoeuvre(plant, exact=law != "paper", **how), gains
+
+
+def disturbed_flight(problem, off, disturbance, rng):
+    """Signals of a flight from so far off in rates of full size, what it expected, and its start.
+
+    The signs of the rates are drawn every five samples.
+    """
+    condition, expected = conditions.start_condition(problem.scenario), []
+    start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
+    controller, signs = problem.controller(), rng.choice([-1.0, 1.0], (1000, 2))
+    step, dt = controller.step, problem.loop.dt
+
+    def noted(*sample):
+        command = step(*sample)
+        expected.append(list(controller.state.expected))
+        return command
+
+    controller.step = noted
+    signals, _ = simulate(
+        ft.loop.PointMassPlant(
+            problem.lags or None,
+            disturbance=lambda t: tuple((disturbance * signs[int(t / (5 * dt) + 1e-6)]).tolist()),
+            turn="exact" if problem.loop.exact else "paper",
+            g=problem.scenario.flight.g_mps2,
+        ),
+        controller,
+        conditions.reference_of(problem.scenario),
+        condition=start,
+        duration=problem.scenario.flight.duration_s,
+        lead=conditions.lead_on(problem.scenario, problem.scenario.plant[0]),
+    )
+    return signals, expected, start
 
 
 def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, seed=1):
     """Distances at some samples, shape (samples, count), and the plan that was followed."""
-    problem = stated_problem(*case, start=start_deg * DEG, disturbance=disturbance or None)
+    problem = tube.stated_problem(*case, start=start_deg * DEG, disturbance=disturbance or None)
     rng, flown = np.random.default_rng(seed), []
     for i in range(count):  # half of the flights start at the edge of the set of starts
         off = problem.start * rng.uniform(-1.0, 1.0, 2)
         if i % 2:
             off[rng.integers(2)] = problem.start * rng.choice([-1.0, 1.0])
-        flown.append(
-            disturbed_flight(problem, off, bang_bang(disturbance, 5 * problem.loop.dt, rng))
-        )
+        flown.append(disturbed_flight(problem, off, disturbance, rng))
     plan = plan_of(problem.loop, rng)
     one_piece = sample.start_set(problem.loop, problem.start, sides=1, symbols=120)
-    enclosure = enclosure_of(problem.loop, one_piece, plan)
+    enclosure = exact.enclosure_of(problem.loop, one_piece, plan)
     found = []
     for k in range(max(at) + 1):
         if k in at:
@@ -185,29 +207,29 @@ def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, se
     return np.array(found), plan
 
 
-class Relinearised(Search):
+class Relinearised(search.Search):
     """At sample 1 a split at the load-factor limit between two very different lines for roll."""
 
     def __init__(self, loop):
         super().__init__(loop)
-        self._sample, self._for_roll, self.splits = 0, False, 0
+        self.at, self.for_roll, self.splits = 0, False, 0
 
     def slope(self, values):
         steeper = 1.0 - 2.0 * self.splits
-        return super().slope(values) + steeper * (self._sample == 1 and self._for_roll)
+        return super().slope(values) + steeper * (self.at == 1 and self.for_roll)
 
     def cut(self, pieces, channels):
         # Asked first for roll alone, then for both: in between roll is linearised.
-        self._for_roll = len(channels) == 1
-        if self._for_roll:
+        self.for_roll = len(channels) == 1
+        if self.for_roll:
             return None
         for side, excess in channels[1].excesses.items():
             values = excess.values
             which = (values.low < 0.0) & (values.high > 0.0)
-            if self._sample == 1 and not self.splits and which.any():
+            if self.at == 1 and not self.splits and which.any():
                 self.splits += 1
                 return 1, side, which, np.zeros(len(pieces)), np.zeros(len(pieces), dtype=int)
-        self._sample += 1
+        self.at += 1
         return None
 
 
@@ -216,12 +238,12 @@ def test_a_split_by_the_load_factor_does_not_speak_of_a_later_line_for_roll(n_z)
     # In sample 0 both commands are at their rate limits, in sample 1 both may come off.
     scenario, gains = with_law(
         POINT,
-        exact=True,
-        chi_err_deg=40.0,
+        "exact",
+        chi_deg=40.0,
         gamma_deg=10.0,
         gamma_ref_deg=10.0,
         roll_deg=70.0,
-        n_z_max=4.0,
+        n_z=4.0,
         duration_s=0.1,
     )
     tables = scenario.as_dict()
@@ -243,14 +265,13 @@ def test_a_split_by_the_load_factor_does_not_speak_of_a_later_line_for_roll(n_z)
 PLANTS = {"kinematic": KINEMATIC, "point": POINT, "first": FIRST_ORDER, "second": SECOND_ORDER}
 
 
-def check_membership(plant, exact, *, count, at, seed):
+def check_membership(plant, law, *, count, at, seed):
     rng = np.random.default_rng(seed)
     chi, above = rng.uniform(-2.0, 2.0), rng.uniform(-1.0, 1.0)
     case = with_law(
         PLANTS[plant],
-        exact=bool(exact),
-        fed_back=exact == "fed back",
-        chi_err_deg=chi,
+        law,
+        chi_deg=chi,
         gamma_deg=15.0 + above,
         gamma_ref_deg=15.0,
         duration_s=0.3,
@@ -270,53 +291,47 @@ def check_membership(plant, exact, *, count, at, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("plant", "exact"),
+    ("plant", "law"),
     [
         ("second", "fed back"),
         *(
-            pytest.param(plant, exact, marks=pytest.mark.soak)
+            pytest.param(plant, law, marks=pytest.mark.soak)
             for plant in ("kinematic", "second")
-            for exact in (False, True, "fed back")
-            if (plant, exact) != ("second", "fed back")
+            for law in ("paper", "exact", "fed back")
+            if (plant, law) != ("second", "fed back")
         ),
     ],
 )
-def test_whole_states_are_in_the_set_whatever_the_plan(plant, exact):
+def test_whole_states_are_in_the_set_whatever_the_plan(plant, law):
     # Limits that all flights of a piece may or may not meet soon double its width with feedback.
-    last = 4 if exact == "fed back" else 6
-    plan = check_membership(plant, exact, count=12, at=[2, last], seed=3)
+    last = 4 if law == "fed back" else 6
+    plan = check_membership(plant, law, count=12, at=[2, last], seed=3)
 
     assert plan.limits == {"phi", "n_z"}
 
 
 @pytest.mark.counts
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("exact", [False, True, "fed back"])
+@pytest.mark.parametrize("law", ["paper", "exact", "fed back"])
 @pytest.mark.parametrize("plant", PLANTS)
-def test_whole_states_of_1200_flights_are_in_the_set(plant, exact, seed):
-    last = 4 if exact == "fed back" else 8
-    check_membership(plant, exact, count=50, at=range(1, last + 1), seed=seed)
+def test_whole_states_of_1200_flights_are_in_the_set(plant, law, seed):
+    last = 4 if law == "fed back" else 8
+    check_membership(plant, law, count=50, at=range(1, last + 1), seed=seed)
 
 
 @pytest.mark.parametrize(
-    ("law", "n_z"), [(False, None), (True, None), ("fed back", None), (True, 1.2)]
+    ("law", "n_z"), [("paper", None), ("exact", None), ("fed back", None), ("exact", 1.2)]
 )
 def test_the_first_set_holds_lags_at_rest_and_the_load_factor_of_each_start(law, n_z):
     """Banked by 20 deg: a load factor that is not stated is that of steady flight."""
     scenario, gains = with_law(
-        SECOND_ORDER,
-        exact=bool(law),
-        fed_back=law == "fed back",
-        chi_err_deg=1.0,
-        gamma_deg=15.0,
-        gamma_ref_deg=15.0,
-        duration_s=0.04,
+        SECOND_ORDER, law, chi_deg=1.0, gamma_deg=15.0, gamma_ref_deg=15.0, duration_s=0.04
     )
     tables = scenario.as_dict()
     tables["flight"] |= {"phi_deg": 20.0} | ({} if n_z is None else {"n_z": n_z})
 
     found, _ = distances_at(
-        (ft.scenario_from(tables), gains), lambda loop, _: Search(loop), count=4, at=[0]
+        (ft.scenario_from(tables), gains), lambda loop, _: search.Search(loop), count=4, at=[0]
     )
 
     assert found.max() <= SOLVED

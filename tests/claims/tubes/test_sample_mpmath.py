@@ -8,15 +8,11 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from enclosed import KINEMATIC, POINT
 from mpmath import mp, mpf
 
-from flighttune.claims.tubes import sample as sample_module
-from flighttune.claims.tubes.exact import enclosure_of
-from flighttune.claims.tubes.forms import Pieces
-from flighttune.claims.tubes.sample import CONSTRAINTS, STATES
-from flighttune.claims.tubes.search import Search
-from flighttune.claims.tubes.tube import stated_problem
-from tests.claims.tubes.test_membership import KINEMATIC, POINT, with_law
+from flighttune.claims.tubes import exact, forms, sample, search, tube
+from tests.claims.tubes.test_membership import with_law
 
 DIGITS = 30
 D = 0.01  # rad/s
@@ -29,10 +25,15 @@ WIDTHS = np.array([0.02, 0.02, 0.02, 0.04, 0.01, 0.01, 0.02, 0.02, 0.02, 0.04])
 AHEAD = np.array([0.02, -0.01, 0.03, -0.02])
 
 
+def other(row, **changes):
+    """A named tuple with other entries."""
+    return type(row)(**{name: getattr(row, name) for name in type(row).__annotations__} | changes)
+
+
 @pytest.fixture
 def thirty_digits(monkeypatch):
     # What is added for computed flights would hide a fault of rounding.
-    monkeypatch.setattr(sample_module, "COMPUTED", 0.0)
+    monkeypatch.setattr(sample, "COMPUTED", 0.0)
     with mp.workdps(DIGITS):
         yield
 
@@ -123,7 +124,7 @@ def flown(loop, x, d):
 def boxed(centres, sizes, rng):
     """Sets about states: as many symbols as rows, mixed a little, and errors of rounding."""
     count, n = centres.shape
-    pieces = Pieces(centres, CONSTRAINTS, 120)
+    pieces = forms.Pieces(centres, sample.CONSTRAINTS, 120)
     mixed = np.eye(n) + 0.2 * rng.uniform(-1.0, 1.0, (count, n, n))
     pieces.values[:, :n, 1 : 1 + n] = (
         sizes[:, np.newaxis, np.newaxis] * WIDTHS[:n, np.newaxis] * mixed
@@ -136,38 +137,31 @@ def boxed(centres, sizes, rng):
     ("boxes", "points"), [(8, 4), pytest.param(25, 16, marks=pytest.mark.counts)]
 )
 @pytest.mark.parametrize(
-    ("exact", "plant", "samples", "anti_windup"),
+    ("law", "plant", "samples", "anti_windup"),
     [
         # What limits of the paper's law remove is remembered for the sample after.
-        (False, KINEMATIC, 2, "conditional"),
-        (False, KINEMATIC, 1, "none"),
-        (True, POINT, 1, "conditional"),
-        (True, KINEMATIC, 1, "conditional"),
+        ("paper", KINEMATIC, 2, "conditional"),
+        ("paper", KINEMATIC, 1, "none"),
+        ("exact", POINT, 1, "conditional"),
+        ("exact", KINEMATIC, 1, "conditional"),
         ("fed back", KINEMATIC, 1, "conditional"),
     ],
 )
 @pytest.mark.usefixtures("thirty_digits")
-def test_a_sample_holds_points_to_thirty_digits(exact, plant, samples, anti_windup, boxes, points):
+def test_a_sample_holds_points_to_thirty_digits(law, plant, samples, anti_windup, boxes, points):
     scenario, gains = with_law(
-        plant,
-        exact=bool(exact),
-        chi_err_deg=0.0,
-        gamma_deg=10.0,
-        gamma_ref_deg=10.0,
-        anti_windup=anti_windup,
+        plant, law, chi_deg=0.0, gamma_deg=10.0, gamma_ref_deg=10.0, anti_windup=anti_windup
     )
-    loop = stated_problem(scenario, gains, disturbance=D).loop
-    columns = sample_module.RATES if exact else sample_module.PLANNED
-    loop.reference[:, columns] = AHEAD[2:] if exact else AHEAD[:2]
-    if exact == "fed back":
-        inverts = loop.law.inverts._replace(feedback=(0.5, 0.3))
-        loop = replace(loop, law=loop.law._replace(inverts=inverts))
+    loop = tube.stated_problem(scenario, gains, disturbance=D).loop
+    inverts = law != "paper"
+    columns = sample.RATES if inverts else sample.PLANNED
+    loop.reference[:, columns] = AHEAD[2:] if inverts else AHEAD[:2]
     # Limits and boxes whose ends differ; roll is at either end of its range in some of the sets.
-    roll, load = (law._replace(step_down=0.7 * law.step_down) for law in loop.law.channels)
-    channels = roll._replace(lower=-0.45, upper=0.43), load
+    roll, load = (other(of, step_down=0.7 * of.step_down) for of in loop.law.channels)
+    channels = other(roll, lower=-0.45, upper=0.43), load
     loop = replace(
         loop,
-        law=loop.law._replace(channels=channels),
+        law=other(loop.law, channels=channels),
         boxes=np.tile([[-0.2 * D, D], [-D, 0.4 * D]], (len(loop.boxes), 1, 1)),
     )
     rng, outside, centres, n = np.random.default_rng(5), [], [], loop.rows
@@ -178,20 +172,20 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, samples, anti_wind
         phi = rng.choice([-0.45 + inwards, rng.uniform(-0.4, 0.4), 0.43 - inwards])
         error = rng.uniform(-0.03, 0.03, 2)
         chi, gamma = -error[0], loop.reference[1, 1] - error[1]
-        lift = rng.uniform(-0.05, 0.05) + (np.cos(gamma) if exact else 0.0)
+        lift = rng.uniform(-0.05, 0.05) + (np.cos(gamma) if inverts else 0.0)
         # Near the commands wanted: some flights of a box are limited and some are not.
-        integral = np.array([loop.g_over_v * np.tan(phi), 0.0]) if exact else np.array([phi, 0.0])
-        integral = integral - [np.array(law.K_P) @ error for law in loop.law.channels]
+        integral = np.array([loop.g_over_v * np.tan(phi), 0.0]) if inverts else np.array([phi, 0.0])
+        integral = integral - [np.array(of.K_P) @ error for of in loop.law.channels]
         integral = integral - loop.reference[1, columns]
         # Without a kink between the flights of a small box, these are exactly as limited.
-        integral[0] += rng.choice([-0.03, 0.0, 0.03]) * (loop.g_over_v if exact else 1.0)
-        integral[1] += rng.choice([-0.04, 0.0, 0.04]) * (loop.g_over_v if exact else 1.0)
-        extra = lift / np.cos(phi) if exact == "fed back" else lift
-        expected = [phi, lift / np.cos(phi)][: n - STATES]
+        integral[0] += rng.choice([-0.03, 0.0, 0.03]) * (loop.g_over_v if inverts else 1.0)
+        integral[1] += rng.choice([-0.04, 0.0, 0.04]) * (loop.g_over_v if inverts else 1.0)
+        extra = lift / np.cos(phi) if law == "fed back" else lift
+        expected = [phi, lift / np.cos(phi)][: n - sample.STATES]
         centres.append([chi, gamma, phi, extra, *integral, *error, *expected])
     pieces = boxed(np.array(centres), sizes, rng)
     sets = pieces.values[:, :n, : 1 + n].copy()
-    enclosure, met = enclosure_of(loop, pieces, Search(loop)), np.zeros(2, dtype=bool)
+    enclosure, met = exact.enclosure_of(loop, pieces, search.Search(loop)), np.zeros(2, dtype=bool)
     for k in range(1, 1 + samples):
         met |= enclosure.sample(k)[1]
     slack = np.abs(pieces.values[:, :n, 1 + n :]).sum(axis=2) + pieces.err[:, :n]
