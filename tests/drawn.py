@@ -130,7 +130,9 @@ class Drawn:
 def drawn(text):
     """Charts of a page or an SVG file, in their order."""
     text = text.replace(' xmlns="http://www.w3.org/2000/svg"', "")
-    return [Drawn(found) for found in CHART.findall(html.unescape(text) if "&lt;svg" in text else text)]
+    return [
+        Drawn(found) for found in CHART.findall(html.unescape(text) if "&lt;svg" in text else text)
+    ]
 
 
 def number(label):
@@ -154,7 +156,7 @@ def apart(boxes):
     )
 
 
-def faults(chart):
+def faults(chart):  # noqa: C901
     """What is wrong with a chart by itself: labels, grid, places and room."""
     found = []
     grid = chart.plot.find("path[@class='grid']").get("d")
@@ -182,11 +184,16 @@ def faults(chart):
         steps = np.diff([number(label) for label, _ in labels])
         if axis not in chart.log and np.ptp(np.abs(steps)) > 1e-6 * np.abs(steps).max():
             found.append(f"{axis}: uneven steps")
-    places = " ".join(x for one in chart.tree.iter() for x in (one.get("d"), one.get("points")) if x)
+    places = " ".join(
+        x for one in chart.tree.iter() for x in (one.get("d"), one.get("points")) if x
+    )
     if re.search("nan|inf", places):
         found.append("no numbers")
     if chart.equal:
-        scales = [abs(b - a) / n for (a, b), n in ((chart.x_ends, chart.width), (chart.y_ends, chart.height))]
+        scales = [
+            abs(b - a) / n
+            for (a, b), n in ((chart.x_ends, chart.width), (chart.y_ends, chart.height))
+        ]
         if abs(scales[0] / scales[1] - 1.0) > 1e-3:
             found.append("its scales differ")
     return found

@@ -16,13 +16,10 @@ import pytest
 from airframes import changed_aerosonde
 from commands import answer, flighttune
 from fuzzing import first_or_all
-from made_up import made_up_run, scenario_tables, shortened
+from made_up import scenario_tables, shortened
 from places import SCENARIO_NAMES, SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.flight import load
-from flighttune.outputs.exports import jsbsim_folder
-from flighttune.outputs.exports.jsbsim_folder import CSV
 
 SAME = 1e-9
 """Rad, 1 of load factor, and relative to the airspeed.
@@ -31,6 +28,7 @@ The shipped aircraft differ by 3e-13 at most, by 2e-10 where they follow an airs
 adopted by 1e-11.
 """
 
+CSV = "flight.csv"
 COLUMNS = ["Time", "chi_rad", "gamma_rad", "phi_rad", "n_z", "V_a_mps"]
 LONGEST_S = 120
 ADOPTED = sorted((Path(__file__).parents[2] / "adopted").glob("*/turn.toml"))
@@ -271,99 +269,6 @@ def test_an_engine_fails_beside_wind_and_sensors_as_in_fly(aircraft, V, changes,
     readme = (tmp_path / "README.md").read_text(encoding="utf-8")
     assert "(50 a second)" in readme
     assert f"`Time` = {flight.start:g} s, and lasts 2 s." in readme
-
-
-T = 0.02 * np.arange(51)
-
-
-def compared(monkeypatch, folder, status="completed", **apart):
-    """JSBSim's file beside a run of a second that differs from it by these, from 0.5 s on."""
-    signals = dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a", "V_ref"), 0.0 * T + 20.0)
-    run = made_up_run(
-        {name: np.where(T > 0.49, x + apart.get(name, 0.0), x) for name, x in signals.items()}, T,
-        status=status, reason="it stalled" * (status != "completed"),
-    )  # fmt: skip
-
-    def flown(*_, time_limit):
-        assert time_limit > 2.0 * 41.0
-        pd.DataFrame(dict.fromkeys(COLUMNS, 0.0 * T + 20.0)).to_csv(folder / CSV, index=False)
-        return ""
-
-    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
-    largest, differs = jsbsim_folder._differences([], folder / CSV, 40.0, run)
-    entry = load.chosen_entry(failing_climb("aerosonde", 25.0), "paper")
-    return largest, differs, jsbsim_folder._verdict(entry, run, largest, differs)
-
-
-@pytest.mark.parametrize(
-    ("apart", "said"),
-    [
-        ({}, ""),
-        ({"phi": 1e-12, "V_a": 1.9e-8}, ""),  # of the airspeed relative to 20 m/s
-        ({"V_a": 2.1e-8}, "V_a differs first, at t = 0.5 s"),
-        ({"n_z": 1e-3, "phi": 2e-3}, "phi differs first, at t = 0.5 s"),
-        ({"chi": 2.0 * math.pi}, ""),  # one of the two courses wraps
-        ({"chi": -1e-6}, "chi differs first, at t = 0.5 s"),
-        ({"gamma": math.nan}, "gamma differs first, at t = 0.5 s"),
-    ],
-)
-def test_the_first_difference_beyond_rounding_is_named(monkeypatch, tmp_path, apart, said):
-    largest, differs, verdict = compared(monkeypatch, tmp_path, **apart)
-
-    assert differs == said
-    same = "JSBSim flew the folder with the gains paper: its flight is that of `flighttune fly`"
-    other = f"JSBSim's flight is not that of `flighttune fly`: {said}."
-    assert verdict.startswith(other if said else f"{same} to within")
-    for name, value in apart.items():
-        size = 0.0 if name == "chi" and value > 6.0 else abs(value)
-        assert largest[name] == pytest.approx(size, abs=1e-13, nan_ok=True)
-
-
-def test_a_smaller_difference_that_comes_earlier_is_the_first(monkeypatch, tmp_path):
-    def flown(*_, **__):
-        pd.DataFrame(dict.fromkeys(COLUMNS, 0.0 * T)).to_csv(tmp_path / CSV, index=False)
-        return ""
-
-    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
-    signals = dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a"), 0.0 * T)
-    signals |= {"phi": np.where(T > 0.79, 2e-3, 0.0), "n_z": np.where(T > 0.29, -1e-3, 0.0)}
-    signals["V_a"] = 1.0 + 0.0 * T  # a flight that does not follow it is not compared in it
-
-    largest, differs = jsbsim_folder._differences([], tmp_path / CSV, 40.0, made_up_run(signals, T))
-
-    assert differs == "n_z differs first, at t = 0.3 s"
-    assert (largest["phi"], largest["n_z"], "V_a" in largest) == (2e-3, 1e-3, False)
-
-
-def test_a_flight_that_ended_early_is_compared_until_then(monkeypatch, tmp_path):
-    _, _, verdict = compared(monkeypatch, tmp_path, status="left_envelope")
-
-    assert verdict.endswith("until `flighttune fly` ended the flight: it stalled")
-
-
-@pytest.mark.parametrize(
-    ("text", "failure", "said"),
-    [
-        ("", "it ended", "JSBSim must fly it, but it ended"),
-        ("", "", "JSBSim's flight.csv cannot be read"),
-        ("Time\n1\n", "", "JSBSim's flight.csv cannot be read"),
-        (",".join(COLUMNS) + "\n0,0,0,0,0,0\n", "", "flight ends after 1 of 51 samples"),
-    ],
-)
-def test_a_flight_of_jsbsim_that_is_not_there_is_a_difference(
-    monkeypatch, tmp_path, text, failure, said
-):
-    def flown(*_, **__):
-        (tmp_path / CSV).write_text(text)
-        return failure
-
-    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
-    run = made_up_run(dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a"), 0.0 * T), T)
-
-    largest, differs = jsbsim_folder._differences([], tmp_path / CSV, 40.0, run)
-
-    assert largest == {}
-    assert said in differs
 
 
 @pytest.mark.counts

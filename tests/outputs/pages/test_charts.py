@@ -103,7 +103,7 @@ def test_a_page_of_runs_draws_their_signals_references_commands_and_paths(of_run
                 begins, stops = np.nanmin(x), np.nanmax(x)
                 assert begins == pytest.approx(run.t[held].min(), abs=0.02)
                 assert stops == pytest.approx(run.t[held].max() + 0.02, abs=0.03)
-                drawn_s = np.nansum(np.diff(x.tolist() + [np.nan])[::3])
+                drawn_s = np.nansum(np.diff([*x.tolist(), np.nan])[::3])
                 assert drawn_s == pytest.approx(0.02 * held.sum(), abs=0.06)
                 lanes.append(float(y[0]))
         assert len({*lanes}) == len(lanes)
@@ -211,7 +211,12 @@ def around(results, tmp_path_factory):
     band.save(folder / "b.npz")
     files = [folder / "t.npz", folder / "b.npz"]
     ft.report(folder / "run", folder / "page.html", claims=files)
-    return sound(drawn((folder / "page.html").read_text(encoding="utf-8"))), tube, band, flown.runs[0]
+    return (
+        sound(drawn((folder / "page.html").read_text(encoding="utf-8"))),
+        tube,
+        band,
+        flown.runs[0],
+    )
 
 
 @pytest.mark.slow
@@ -237,7 +242,10 @@ def test_a_sheet_of_flights_has_a_line_of_each_run_and_its_limits(results):
     charts = sound(drawn(ft.plot(flown).svg()))
 
     assert check_runs(charts, flown.runs) == {"chi_err", "gamma_err", "phi", "n_z"}
-    assert {y[0].round(1) for x, y in titled(charts, "Roll").lines() if len(x) == 2} == {-45.0, 45.0}
+    assert {y[0].round(1) for x, y in titled(charts, "Roll").lines() if len(x) == 2} == {
+        -45.0,
+        45.0,
+    }
     only = [replace(run, signals=run.signals[:1]) for run in flown.runs]
     with pytest.raises(ft.InputError, match="must have a run that flew"):
         ft.plot(only)
@@ -254,7 +262,14 @@ def test_the_curves_of_a_loop_are_those_of_the_closed_form(tmp_path):
     gains, b = ft.PIGains(K_P=np.diag(K_P), K_I=np.diag(K_I)), 9.81 / 25.0
 
     gains.save(tmp_path / "g.json")
-    command = "certify", "level_turn", "--gains", tmp_path / "g.json", "--figure", tmp_path / "c.svg"
+    command = (
+        "certify",
+        "level_turn",
+        "--gains",
+        tmp_path / "g.json",
+        "--figure",
+        tmp_path / "c.svg",
+    )
     flighttune(*command)
     sheet = (tmp_path / "c.svg").read_text(encoding="utf-8")
     magnitude, phase, nyquist, plane = sound(drawn(sheet))[:4]
@@ -389,7 +404,7 @@ def test_the_page_of_a_corridor_has_its_map_and_its_flights_inside(results):
 def test_the_page_of_a_log_and_of_a_comparison_draw_their_runs(results, tmp_path):
     results.of("of_log")
     page = ft.report(results.folder / "log.csv", tmp_path / "log.html").path
-    (run,) = ft.load(results.folder / "log.csv"),
+    (run,) = (ft.load(results.folder / "log.csv"),)
     assert check_runs(sound(drawn(page.read_text(encoding="utf-8"))), [run]) >= {"phi", "n_z"}
     for gains in ("paper", "K1"):
         flown = ft.fly(results.of("missed").scenario, gains)

@@ -7,8 +7,6 @@ from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 import flighttune as ft
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing import palette
-from flighttune.outputs.recording.entities import runs_to_draw
-from flighttune.outputs.recording.page import leader
 
 pytestmark = pytest.mark.slow
 
@@ -98,13 +96,6 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, flown):
 
     for name in views.keys() & {*NEVER_HIDDEN, SCENE}:
         assert_all_drawn(flown.runs, views[name], name)
-
-
-def test_in_a_flight_that_fails_the_view_follows_the_one_that_fails(four_runs, cut_short):
-    drawn = runs_to_draw([*four_runs, cut_short])
-
-    assert leader(drawn).run is cut_short
-    assert leader(drawn[:4]).run is four_runs[3]
 
 
 @pytest.mark.soak
