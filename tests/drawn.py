@@ -1,6 +1,5 @@
 """Charts read back from a page or an SVG file: their marks in the units of their axes."""
 
-import html
 import re
 from itertools import combinations
 from xml.etree import ElementTree
@@ -130,9 +129,7 @@ class Drawn:
 def drawn(text):
     """Charts of a page or an SVG file, in their order."""
     text = text.replace(' xmlns="http://www.w3.org/2000/svg"', "")
-    return [
-        Drawn(found) for found in CHART.findall(html.unescape(text) if "&lt;svg" in text else text)
-    ]
+    return [Drawn(found) for found in CHART.findall(text)]
 
 
 def number(label):

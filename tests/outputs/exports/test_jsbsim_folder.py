@@ -164,35 +164,6 @@ def test_speed_has_priority_as_in_fly(aircraft, V, down, gains, anti_windup, eng
     assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    ("gains", "reference"),
-    [
-        ("exact:tuned_fed_back", {"chi_deg": 30.0, "gamma_deg": 2.0}),
-        pytest.param(
-            *("tuned_identified", {"chi_deg": 30.0, "gamma_deg": 2.0, "shape": "feasible"}),
-            marks=pytest.mark.counts,
-        ),
-    ],
-)
-def test_two_channels_give_way_to_the_airspeed_as_in_fly(gains, reference, tmp_path):
-    """An engine that fails while the aircraft turns and climbs in wind, in sinking air."""
-    tables = ft.load_scenario("engine_fails_in_climb").as_dict()
-    tables |= {"law": ["exact", "paper"], "reference": reference, "expect": []}
-    tables["gains"] = [gains.split(":")[-1]]
-    tables["controller"] |= {"speed_priority": True}
-    tables["flight"] |= {"duration_s": 25.0}
-    tables["plant"][0]["throttle_max_from_s"] = 3.0
-    tables["wind"] = {"speed_mps": 6.0, "from_deg": 60.0, "down_mps": 2.0}
-    tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0}
-    tables["limits"] |= {"n_z": [-2.0, 2.0], "n_z_rate_per_s": 1.0}
-    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
-
-    assert max(found.values()) < SAME, found
-    written = pd.read_csv(tmp_path / "made" / CSV)
-    assert written["gamma_rad"].iloc[-1] < math.radians(-3.0)
-
-
 SPEED = {"name": "speed", "law": "exact", "K_P": np.diag([1.5, 1.4, 2.5]).tolist()}
 SPEED |= {"K_I": np.diag([0.8, 0.7, 0.6]).tolist()}
 
@@ -271,26 +242,6 @@ def test_an_engine_fails_beside_wind_and_sensors_as_in_fly(aircraft, V, changes,
     assert f"`Time` = {flight.start:g} s, and lasts 2 s." in readme
 
 
-@pytest.mark.counts
-@pytest.mark.parametrize(("priority", "feedback"), [("gamma", [0.5, 0.3]), ("chi", [0.0, 0.0])])
-def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_path):
-    tables = ft.load_scenario("paper").as_dict() | {"expect": []}
-    options = {"priority": priority, "braking": 0.8, "lift_floor": 0.3}
-    tables["law"] = [{"name": "mine", "kind": "exact", **options}]
-    tables["limits"]["n_z"] = [-2.1, 1.1]
-    # The paper's K*, whose rates over errors are its angles by g/V.
-    per_V = np.array([9.81 / 25.0])
-    gains = {"K_P": ft.PAPER_GAINS.K_P * per_V, "K_I": ft.PAPER_GAINS.K_I * per_V}
-    tables["gains"] = [
-        {"name": "fed", "law": "exact", "feedback": feedback}
-        | {name: values.tolist() for name, values in gains.items()}
-    ]
-
-    found = apart(ft.scenario_from(tables), "mine:fed", "jsbsim:aerosonde", tmp_path)
-
-    assert max(found.values()) < SAME, found
-
-
 def test_a_law_in_python_is_refused_by_name(tmp_path):
     scenario = ft.load_scenario("paper")
     law = {"name": "mine", "kind": "python", "module": __file__, "class": "Path"}
@@ -325,38 +276,6 @@ def test_air_that_moves_otherwise_than_as_a_steady_wind_is_refused(key, tables, 
     with pytest.raises(ft.InputError, match=f"^`{key}` must be absent from a scenario that is exp"):
         ft.export(scenario, "paper", out=tmp_path / "made")
     assert not (tmp_path / "made").exists()
-
-
-OTHERS = {
-    "in a turn over high ground": {
-        "flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}
-    },
-    "between samples of the inner loop": {
-        "controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}
-    },
-    "another start": {
-        "controller": {"anti_windup": "none", "feed_forward": False},
-        "flight": {"n_z": 1.4},
-    },
-    "wind": {
-        "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
-        "controller": {"schedule": True},
-    },
-}
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize("changed", OTHERS.values(), ids=OTHERS)
-@pytest.mark.parametrize("gains", ["paper", "exact:paper"])
-def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
-    tables = ft.load_scenario("level_turn").as_dict()
-    for table, keys in changed.items():
-        tables[table] = tables.get(table, {}) | keys
-    tables["flight"]["duration_s"] = 8.0
-
-    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
-
-    assert max(found.values()) < SAME, found
 
 
 def exported(scenario, folder):

@@ -88,14 +88,6 @@ def test_a_slider_that_is_dragged_changes_picture_and_numbers(browser, page):
         assert tab.run("document.querySelector('#numbers').textContent") != numbers
 
 
-def test_channels_move_together_where_that_is_asked(browser, page):
-    with window(browser, page) as tab:
-        click(tab, "#together")
-        set_value(tab, K_P, 2.0 * ft.PAPER_GAINS.K_P[0, 0])
-        other = tab.run("document.getElementById('gains[0].K_P[1][1]').value")
-        assert float(other) == pytest.approx(2.0 * ft.PAPER_GAINS.K_P[1, 1], rel=1e-4)
-
-
 OPACITY = "Number(getComputedStyle(document.querySelector('{}')).opacity)"
 VERDICT = "document.querySelector('#verdict').textContent"
 

@@ -1,6 +1,8 @@
 """What is in a recording, read back from the file, against what was flown."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from dataclasses import replace
 
@@ -257,6 +259,18 @@ def test_it_opens_paused_with_linked_axes_tabs_and_words(contents, flown, tmp_pa
     assert [line.partition(":")[0] for line in names.splitlines()[:4]] == [
         f"{n}. {run.label.split(':')[0]}" for n, run in enumerate(flown.runs, 1)
     ]
+
+
+@pytest.mark.soak
+def test_its_layout_is_active_before_its_data(flown, tmp_path):
+    """While data stream in, the viewer makes a layout of its own, which no default replaces."""
+    path = ft.record(flown, tmp_path).recording
+    command = [sys.executable, "-m", "rerun", "rrd", "print", path]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    before, _, after = printed.partition("make_active: true")
+
+    assert "/plots/" in after
+    assert "/plots/" not in before
 
 
 def test_what_ended_early_is_drawn_to_its_end_and_what_did_not_fly_is_not(flown, tmp_path):
