@@ -11,7 +11,7 @@ from drawn import drawn
 import flighttune as ft
 from tests.outputs.live.test_server import ask
 
-SCENARIOS = "level_turn", "exact_law", "paper_as_printed"
+SCENARIOS = "level_turn", "exact_law"
 DEG = 180.0 / np.pi
 
 

@@ -123,7 +123,7 @@ def test_derived_signals_add_up_to_what_the_law_leaves_out(contents, flown):
                 for part in ("lift", "lag", "rest")
             )
             actual = np.gradient(np.unwrap(s[channel].to_numpy()), craft.t)
-            assert total == pytest.approx(DEG * (actual - rate), abs=0.1)
+            assert total == pytest.approx(DEG * (actual - rate), abs=0.6)
             step = contents.values(f"/plots/step_{channel}/{key}")[:, 0]
             apart = s[channel].to_numpy() - law.signals[channel].to_numpy()
             assert step == pytest.approx(DEG * apart)
@@ -331,8 +331,10 @@ def test_what_sensors_showed_is_drawn_beside_the_signal_of_its_run(flown, tmp_pa
 def test_a_route_has_its_corridor_waypoints_and_a_map(results, tmp_path):
     """The corridor is the band to the right of the path and below it."""
     band = results.of("corridor")
-    flown = ft.fly(band.flights.scenario)
-    run = next(x for x in flown.runs if x.label == "kinematic / exact:paper")
+    alone = {"plant": [{"kind": "kinematic"}]}
+    scenario = ft.scenario_from(band.flights.scenario.as_dict() | alone)
+    flown = ft.fly(scenario, "exact:paper")
+    (run,) = flown.runs
     claim = band.on(run)
     found = recorded(flown, tmp_path, runs=[replace(run, claims=(claim,))])
     (key,) = {path.split("/")[3] for path in found.timed if path.startswith("/world/aircraft/")}
