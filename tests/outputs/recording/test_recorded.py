@@ -114,8 +114,8 @@ def test_derived_signals_add_up_to_what_the_law_leaves_out(contents, flown):
         law, craft = (runs[f"{plant} / {gains}"] for plant in ("kinematic", "jsbsim:aerosonde"))
         key, s = KEYS[craft.label], craft.signals
         rates = {
-            "chi": G / V * s["phi_cmd"].to_numpy(),
-            "gamma": G / V * (s["n_z_cmd"].to_numpy() - np.cos(s["gamma"].to_numpy())),
+            "chi": G / V * np.tan(s["phi_cmd"].to_numpy()),
+            "gamma": G / V * (s["n_z_cmd"] * np.cos(s["phi_cmd"]) - np.cos(s["gamma"])).to_numpy(),
         }
         for channel, rate in rates.items():
             total = sum(
@@ -123,7 +123,7 @@ def test_derived_signals_add_up_to_what_the_law_leaves_out(contents, flown):
                 for part in ("lift", "lag", "rest")
             )
             actual = np.gradient(np.unwrap(s[channel].to_numpy()), craft.t)
-            assert total == pytest.approx(DEG * (actual - rate), abs=0.6)
+            assert total == pytest.approx(DEG * (actual - rate), abs=1e-6)
             step = contents.values(f"/plots/step_{channel}/{key}")[:, 0]
             apart = s[channel].to_numpy() - law.signals[channel].to_numpy()
             assert step == pytest.approx(DEG * apart)
