@@ -12,7 +12,7 @@ import flighttune as ft
 
 DEG = 180.0 / np.pi
 SLOW = ("beside", "campaign", "corridor", "frontier", "infeasible", "meeting", "mission")
-SLOW += ("outside", "residual", "monitor", "band", "worst")
+SLOW += ("outside", "residual", "monitor", "band", "worst", "tube", "gradient", "identified")
 ROWS = [
     [part.strip() for part in line.split("|")]
     for line in Path(__file__).with_name("results.txt").read_text(encoding="utf-8").splitlines()

@@ -11,6 +11,8 @@ from drawn import drawn
 import flighttune as ft
 from tests.outputs.live.test_server import ask
 
+pytestmark = pytest.mark.slow
+
 SCENARIOS = "level_turn", "exact_law"
 DEG = 180.0 / np.pi
 
@@ -68,7 +70,6 @@ def check_flies_as(page, values, scenario, gains):
     assert y == pytest.approx(wanted, abs=0.02 * max(1.0, np.ptp(wanted)))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_page_begins_with_the_flights_of_its_scenario(pages, name):
     page = pages(name)
@@ -95,7 +96,6 @@ def test_a_page_begins_with_the_flights_of_its_scenario(pages, name):
     assert gains == sorted(gains, reverse=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "value", "changes"),
     [
@@ -115,7 +115,6 @@ def test_a_slider_flies_as_the_key_of_the_scenario(pages, key, value, changes):
     check_flies_as(pages("level_turn"), {key: value}, wanted, wanted.gain_names[0])
 
 
-@pytest.mark.slow
 def test_a_gain_that_is_moved_flies_as_the_same_gain_of_a_file(pages, tmp_path):
     K_P = ft.PAPER_GAINS.K_P.copy()
     K_P[0, 0] = 1.1
