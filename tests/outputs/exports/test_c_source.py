@@ -14,7 +14,6 @@ from commands import answer
 
 import flighttune as ft
 from flighttune.outputs.exports.export import c_source
-from flighttune.routes.follow import AirspeedPriority
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
@@ -167,50 +166,6 @@ def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, wind, 
         cut += asked < references[1]
     assert worst < 1e-9
     assert cut > 100
-
-
-@needs_compiler
-@pytest.mark.parametrize("wind", [(0.0, 0.0, 0.0), (4.0, -6.0, 2.0), (0.0, 0.0, -3.0)])
-def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(wind, tmp_path):
-    """Expected: `MimoPI` of three channels after the priority of the airspeed."""
-    g, rng = 9.81, np.random.default_rng(40)
-    gains = ft.PIGains(
-        K_P=rng.uniform(-2.0, 2.0, (3, 3)),
-        K_I=rng.uniform(-1.0, 1.0, (3, 3)),
-        inputs=("phi", "n_z", "n_x"),
-        errors=("chi", "gamma", "V"),
-    )
-    limits = ft.loop.Limits(
-        lower=np.array([-0.8, -2.1, -0.4]),
-        upper=np.array([0.7, 2.2, 0.5]),
-        rate_lower=np.array([-0.5, -1.0, -0.7]),
-        rate_upper=np.array([0.6, 1.5, 0.9]),
-    )
-    law = ft.loop.MimoPI(gains, limits, dt=0.02, feed_forward=True, schedule_speed=25.0, g=g)
-    loop = Loop(c_source(law, title="t", gains="g", g=g), tmp_path, channels=3)
-    law.start(ft.loop.FlightCondition(V_a=25.0, gamma=0.1))
-    loop.call("start", 0.0, law.state.u[1], math.sin(0.1))
-    cuts = 0
-    for _ in range(2000):
-        chi_ref, gamma_ref, chi, gamma, phi = rng.uniform(-0.9, 0.9, 5).tolist()
-        V_ref, V_a = rng.uniform(18.0, 30.0, 2).tolist()
-        chi_rate, gamma_rate, V_rate = rng.uniform(-0.5, 0.5, 3).tolist()
-        least, most = sorted(rng.uniform(-0.6, 0.6, 2).tolist())
-        lift = (math.cos(gamma_ref) + gamma_rate * (V_a / g)) / math.cos(phi)
-        planned = math.atan(chi_rate * (V_a / g)), lift
-        now = measured(chi, gamma, phi, V_a, wind=wind, n_x=(0.0, least, most))
-        airspeed = planned, V_ref, V_rate
-        asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, *airspeed)
-        priority = AirspeedPriority(None, g, 0.02)
-        sample = priority(now, asked)
-        expected = law.step(now, sample, 0.0)
-        values = [chi_ref, gamma_ref, V_ref, chi_rate, gamma_rate, V_rate, V_a]
-        values += [chi, gamma, phi, V_a, least, most, *wind]
-
-        assert loop.call("step", values) == pytest.approx(sample.gamma, abs=1e-14)
-        assert loop.answer == pytest.approx(list(expected), abs=1e-12)
-        cuts += sample.gamma < gamma_ref
-    assert 200 < cuts < 1800
 
 
 @needs_compiler

@@ -16,13 +16,10 @@ import pytest
 from airframes import changed_aerosonde
 from commands import answer, flighttune
 from fuzzing import first_or_all
-from made_up import made_up_run, scenario_tables, shortened
+from made_up import scenario_tables, shortened
 from places import SCENARIO_NAMES, SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.flight import load
-from flighttune.outputs.exports import jsbsim_folder
-from flighttune.outputs.exports.jsbsim_folder import CSV
 
 SAME = 1e-9
 """Rad, 1 of load factor, and relative to the airspeed.
@@ -31,6 +28,7 @@ The shipped aircraft differ by 3e-13 at most, by 2e-10 where they follow an airs
 adopted by 1e-11.
 """
 
+CSV = "flight.csv"
 COLUMNS = ["Time", "chi_rad", "gamma_rad", "phi_rad", "n_z", "V_a_mps"]
 LONGEST_S = 120
 ADOPTED = sorted((Path(__file__).parents[2] / "adopted").glob("*/turn.toml"))
@@ -166,35 +164,6 @@ def test_speed_has_priority_as_in_fly(aircraft, V, down, gains, anti_windup, eng
     assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    ("gains", "reference"),
-    [
-        ("exact:tuned_fed_back", {"chi_deg": 30.0, "gamma_deg": 2.0}),
-        pytest.param(
-            *("tuned_identified", {"chi_deg": 30.0, "gamma_deg": 2.0, "shape": "feasible"}),
-            marks=pytest.mark.counts,
-        ),
-    ],
-)
-def test_two_channels_give_way_to_the_airspeed_as_in_fly(gains, reference, tmp_path):
-    """An engine that fails while the aircraft turns and climbs in wind, in sinking air."""
-    tables = ft.load_scenario("engine_fails_in_climb").as_dict()
-    tables |= {"law": ["exact", "paper"], "reference": reference, "expect": []}
-    tables["gains"] = [gains.split(":")[-1]]
-    tables["controller"] |= {"speed_priority": True}
-    tables["flight"] |= {"duration_s": 25.0}
-    tables["plant"][0]["throttle_max_from_s"] = 3.0
-    tables["wind"] = {"speed_mps": 6.0, "from_deg": 60.0, "down_mps": 2.0}
-    tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0}
-    tables["limits"] |= {"n_z": [-2.0, 2.0], "n_z_rate_per_s": 1.0}
-    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
-
-    assert max(found.values()) < SAME, found
-    written = pd.read_csv(tmp_path / "made" / CSV)
-    assert written["gamma_rad"].iloc[-1] < math.radians(-3.0)
-
-
 SPEED = {"name": "speed", "law": "exact", "K_P": np.diag([1.5, 1.4, 2.5]).tolist()}
 SPEED |= {"K_I": np.diag([0.8, 0.7, 0.6]).tolist()}
 
@@ -273,119 +242,6 @@ def test_an_engine_fails_beside_wind_and_sensors_as_in_fly(aircraft, V, changes,
     assert f"`Time` = {flight.start:g} s, and lasts 2 s." in readme
 
 
-T = 0.02 * np.arange(51)
-
-
-def compared(monkeypatch, folder, status="completed", **apart):
-    """JSBSim's file beside a run of a second that differs from it by these, from 0.5 s on."""
-    signals = dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a", "V_ref"), 0.0 * T + 20.0)
-    run = made_up_run(
-        {name: np.where(T > 0.49, x + apart.get(name, 0.0), x) for name, x in signals.items()}, T,
-        status=status, reason="it stalled" * (status != "completed"),
-    )  # fmt: skip
-
-    def flown(*_, time_limit):
-        assert time_limit > 2.0 * 41.0
-        pd.DataFrame(dict.fromkeys(COLUMNS, 0.0 * T + 20.0)).to_csv(folder / CSV, index=False)
-        return ""
-
-    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
-    largest, differs = jsbsim_folder._differences([], folder / CSV, 40.0, run)
-    entry = load.chosen_entry(failing_climb("aerosonde", 25.0), "paper")
-    return largest, differs, jsbsim_folder._verdict(entry, run, largest, differs)
-
-
-@pytest.mark.parametrize(
-    ("apart", "said"),
-    [
-        ({}, ""),
-        ({"phi": 1e-12, "V_a": 1.9e-8}, ""),  # of the airspeed relative to 20 m/s
-        ({"V_a": 2.1e-8}, "V_a differs first, at t = 0.5 s"),
-        ({"n_z": 1e-3, "phi": 2e-3}, "phi differs first, at t = 0.5 s"),
-        ({"chi": 2.0 * math.pi}, ""),  # one of the two courses wraps
-        ({"chi": -1e-6}, "chi differs first, at t = 0.5 s"),
-        ({"gamma": math.nan}, "gamma differs first, at t = 0.5 s"),
-    ],
-)
-def test_the_first_difference_beyond_rounding_is_named(monkeypatch, tmp_path, apart, said):
-    largest, differs, verdict = compared(monkeypatch, tmp_path, **apart)
-
-    assert differs == said
-    same = "JSBSim flew the folder with the gains paper: its flight is that of `flighttune fly`"
-    other = f"JSBSim's flight is not that of `flighttune fly`: {said}."
-    assert verdict.startswith(other if said else f"{same} to within")
-    for name, value in apart.items():
-        size = 0.0 if name == "chi" and value > 6.0 else abs(value)
-        assert largest[name] == pytest.approx(size, abs=1e-13, nan_ok=True)
-
-
-def test_a_smaller_difference_that_comes_earlier_is_the_first(monkeypatch, tmp_path):
-    def flown(*_, **__):
-        pd.DataFrame(dict.fromkeys(COLUMNS, 0.0 * T)).to_csv(tmp_path / CSV, index=False)
-        return ""
-
-    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
-    signals = dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a"), 0.0 * T)
-    signals |= {"phi": np.where(T > 0.79, 2e-3, 0.0), "n_z": np.where(T > 0.29, -1e-3, 0.0)}
-    signals["V_a"] = 1.0 + 0.0 * T  # a flight that does not follow it is not compared in it
-
-    largest, differs = jsbsim_folder._differences([], tmp_path / CSV, 40.0, made_up_run(signals, T))
-
-    assert differs == "n_z differs first, at t = 0.3 s"
-    assert (largest["phi"], largest["n_z"], "V_a" in largest) == (2e-3, 1e-3, False)
-
-
-def test_a_flight_that_ended_early_is_compared_until_then(monkeypatch, tmp_path):
-    _, _, verdict = compared(monkeypatch, tmp_path, status="left_envelope")
-
-    assert verdict.endswith("until `flighttune fly` ended the flight: it stalled")
-
-
-@pytest.mark.parametrize(
-    ("text", "failure", "said"),
-    [
-        ("", "it ended", "JSBSim must fly it, but it ended"),
-        ("", "", "JSBSim's flight.csv cannot be read"),
-        ("Time\n1\n", "", "JSBSim's flight.csv cannot be read"),
-        (",".join(COLUMNS) + "\n0,0,0,0,0,0\n", "", "flight ends after 1 of 51 samples"),
-    ],
-)
-def test_a_flight_of_jsbsim_that_is_not_there_is_a_difference(
-    monkeypatch, tmp_path, text, failure, said
-):
-    def flown(*_, **__):
-        (tmp_path / CSV).write_text(text)
-        return failure
-
-    monkeypatch.setattr(jsbsim_folder.model_files, "failure_of_python", flown)
-    run = made_up_run(dict.fromkeys(("chi", "gamma", "phi", "n_z", "V_a"), 0.0 * T), T)
-
-    largest, differs = jsbsim_folder._differences([], tmp_path / CSV, 40.0, run)
-
-    assert largest == {}
-    assert said in differs
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(("priority", "feedback"), [("gamma", [0.5, 0.3]), ("chi", [0.0, 0.0])])
-def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_path):
-    tables = ft.load_scenario("paper").as_dict() | {"expect": []}
-    options = {"priority": priority, "braking": 0.8, "lift_floor": 0.3}
-    tables["law"] = [{"name": "mine", "kind": "exact", **options}]
-    tables["limits"]["n_z"] = [-2.1, 1.1]
-    # The paper's K*, whose rates over errors are its angles by g/V.
-    per_V = np.array([9.81 / 25.0])
-    gains = {"K_P": ft.PAPER_GAINS.K_P * per_V, "K_I": ft.PAPER_GAINS.K_I * per_V}
-    tables["gains"] = [
-        {"name": "fed", "law": "exact", "feedback": feedback}
-        | {name: values.tolist() for name, values in gains.items()}
-    ]
-
-    found = apart(ft.scenario_from(tables), "mine:fed", "jsbsim:aerosonde", tmp_path)
-
-    assert max(found.values()) < SAME, found
-
-
 def test_a_law_in_python_is_refused_by_name(tmp_path):
     scenario = ft.load_scenario("paper")
     law = {"name": "mine", "kind": "python", "module": __file__, "class": "Path"}
@@ -420,38 +276,6 @@ def test_air_that_moves_otherwise_than_as_a_steady_wind_is_refused(key, tables, 
     with pytest.raises(ft.InputError, match=f"^`{key}` must be absent from a scenario that is exp"):
         ft.export(scenario, "paper", out=tmp_path / "made")
     assert not (tmp_path / "made").exists()
-
-
-OTHERS = {
-    "in a turn over high ground": {
-        "flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}
-    },
-    "between samples of the inner loop": {
-        "controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}
-    },
-    "another start": {
-        "controller": {"anti_windup": "none", "feed_forward": False},
-        "flight": {"n_z": 1.4},
-    },
-    "wind": {
-        "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
-        "controller": {"schedule": True},
-    },
-}
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize("changed", OTHERS.values(), ids=OTHERS)
-@pytest.mark.parametrize("gains", ["paper", "exact:paper"])
-def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
-    tables = ft.load_scenario("level_turn").as_dict()
-    for table, keys in changed.items():
-        tables[table] = tables.get(table, {}) | keys
-    tables["flight"]["duration_s"] = 8.0
-
-    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
-
-    assert max(found.values()) < SAME, found
 
 
 def exported(scenario, folder):

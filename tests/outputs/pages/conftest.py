@@ -13,17 +13,11 @@ def flown_paper():
 
 
 @pytest.fixture(scope="session")
-def run_folder(flown_paper, tmp_path_factory):
-    """The same, recorded."""
+def written(flown_paper, tmp_path_factory):
+    """Its report."""
     folder = tmp_path_factory.mktemp("report") / "paper"
     ft.record(flown_paper, folder, name="paper")
-    return folder
-
-
-@pytest.fixture(scope="session")
-def written(run_folder):
-    """The report of that folder."""
-    return ft.report(run_folder, run_folder.parent / "report.html")
+    return ft.report(folder, folder.parent / "report.html")
 
 
 @pytest.fixture(scope="session")

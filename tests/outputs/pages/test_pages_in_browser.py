@@ -11,11 +11,6 @@ from commands import flighttune
 from log_files import heavy_cessna, sampled, write_csv
 from plans import plan_file, waypoint
 
-from flighttune.outputs.answers.answer import facts_table
-from flighttune.outputs.drawing.chart import Chart
-from flighttune.outputs.drawing.templates import page_template
-from flighttune.outputs.pages import counted, frame
-
 FEW = "--epsilon 0.5 --confidence 0.9"
 
 # Commands that make a page, and its file.
@@ -135,69 +130,8 @@ def test_no_table_of_a_comparison_scrolls_on_a_tablet(pages, tmp_path):
     assert [whole for whole, shown in tables if whole > shown] == []
 
 
-def test_names_of_keys_are_code_on_a_page(tmp_path):
-    template = page_template("flighttune.outputs.pages", "answer.html.jinja")
-    said = "State `band_deg` beside `<b>`."
-    texts = {"provenance": facts_table("Provenance", {"file": "x"}), "commands": "x", "texts": {}}
-    section = frame.Section(
-        note=["First.", said.replace("State", "Read")], tables=[facts_table("t", {"a": "b"})]
-    )
-    frame.write_page(
-        tmp_path / "page.html", template, title="x", summary=(said,), sections=[section], **texts
-    )
-
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-
-    shown = "State <code>band_deg</code> beside <code>&lt;b&gt;</code>."
-    assert shown in page
-    assert shown.replace("State", "Read") in page
-    assert said not in page
-
-
-def test_notes_become_sentences():
-    notes = [
-        "a new flight leaves it: 0 of 6 did. All are flights of a glider",
-        "kinematic / paper: two of four",
-        "\u03c7 within 0.5 deg",
-        "fly one again: flighttune verify m.npz --run 21",
-    ]
-
-    assert frame.Section(note=notes).notes == (
-        "A new flight leaves it: 0 of 6 did.",
-        "All are flights of a glider.",
-        "kinematic / paper: two of four.",
-        "\u03c7 within 0.5 deg.",
-        "Fly one again: `flighttune verify m.npz --run 21`.",
-    )
-
-
-def test_lines_of_a_map_differ_by_their_dashes_and_colours():
-    """Those of volumes by both, so that one who sees no colours tells them apart too."""
-    colours, dashes = zip(*counted.VOLUMES, strict=True)
-
-    assert len({*colours}) == len({*dashes}) == len(counted.VOLUMES)
-    assert len({*counted.FENCES}) == len(counted.FENCES)
-
-
 @pytest.mark.soak
 def test_no_two_lines_of_a_chart_on_the_page_of_a_mission_look_alike(pages):
     for names in re.findall(r"<figcaption>(.*?)</figcaption>", pages("mission"), re.DOTALL):
         signs = re.findall(r"<svg class=\"swatch.*?</svg>", names, re.DOTALL)
         assert len({*signs}) == len(signs), names
-
-
-def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
-    """XML forbids them, and a page may be shown by a pager."""
-    wicked = "a\x1b[31m\x00title\u202e\x07"
-    chart = Chart(title=wicked, x=wicked, y=wicked)
-    chart.line([0.0, 1.0], [0.0, 1.0], "#354FD8", name=wicked)
-    template = page_template("flighttune.outputs.pages", "answer.html.jinja")
-    texts = {"provenance": facts_table("Provenance", {"file": wicked}), "commands": wicked}
-    frame.write_page(
-        tmp_path / "page.html", template, title=wicked, summary=(wicked,), texts={wicked: wicked},
-        sections=[frame.Section(note=[wicked, wicked], charts=[chart])], **texts,
-    )  # fmt: skip
-
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "title" in text
-    assert all(char.isprintable() or char in "\n\u00a0" for char in text)

@@ -10,7 +10,6 @@ import rerun as rr
 from made_up import shortened
 
 import flighttune as ft
-from flighttune.flight.records.parquet import recording_in
 
 
 @pytest.fixture(scope="module")
@@ -155,14 +154,3 @@ def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):
     with pytest.raises(ft.RecordingError, match="must hold plain values"):
         ft.record(replace(flown, runs=(odd,)), tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_the_recording_of_a_folder_is_its_only_one_that_is_finished(tmp_path):
-    (tmp_path / ".flighttune-1.rrd").touch()
-    assert recording_in(tmp_path) is None
-    first, second = (tmp_path / name for name in ("a.rrd", "b.rrd"))
-    first.touch()
-    assert recording_in(tmp_path) == first
-    second.touch()
-    with pytest.raises(ft.InputError, match=r"one recording, got a\.rrd, b\.rrd"):
-        recording_in(tmp_path)

@@ -16,6 +16,8 @@ import psutil
 import pytest
 from fuzzing import first_or_all
 
+import flighttune as ft
+
 pytestmark = pytest.mark.slow
 
 DISPLAYS = "DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"
@@ -68,6 +70,11 @@ def serving(recording):
             for process in (running, *programs):
                 with suppress(ProcessLookupError, psutil.NoSuchProcess):
                     process.kill()
+
+
+@pytest.fixture(scope="module")
+def recording(results, tmp_path_factory):
+    return ft.record(results.of("met"), tmp_path_factory.mktemp("view")).recording
 
 
 @pytest.fixture(scope="module")
