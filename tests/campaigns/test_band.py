@@ -1,96 +1,15 @@
 """Bands of small campaigns: what is learned, counted, added and flown again, and the command."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from counted_turns import ALONE, START, WITH_FIVE, count, small_plan
-from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
-from flown_campaigns import Notes, flown_here, write_campaign
+from counted_turns import START, WITH_FIVE, count, small_plan
+from dispersed import one_of, uniform
+from flown_campaigns import flown_here, write_campaign
 
 import flighttune as ft
-from flighttune.campaigns.flying import rows as flying
-from flighttune.claims import counting
-from flighttune.claims.band import RecordedSignals
-from flighttune.claims.counted_flights import flights_of
-from flighttune.claims.counted_flights import plan_of as plan_of_band
-from flighttune.claims.residual import ResidualSignals
-from flighttune.claims.turn_back import TurnBack
-from flighttune.flight import conditions
-from flighttune.flight.loop.run import with_claims
-from flighttune.gaps.residual import residuals_of
-
-
-def test_fresh_flights_are_counted_and_none_is_flown_twice():
-    flown = []
-
-    def rows(plan, runs, probes):
-        flown.append((plan.campaign.design, list(runs)))
-        return flying.rows_flown(plan, runs, probes=probes)
-
-    counted = count(small_plan(design="sobol"), rows)
-
-    parts = list(range(10)), list(range(10, 10 + WITH_FIVE))
-    assert flown == [("random", part) for part in parts]
-    assert counted.outside == 5
-    assert f": 5 of {WITH_FIVE} fresh flights did. All are flights of " in counted.sentence
-    assert "in calm air; drawn at random: initial course -5 to 5 deg and" in counted.sentence
-
-
-def test_the_flights_inside_are_those_whose_errors_are(counted):
-    plan = plan_of_band(counted)
-    (group,) = plan.groups
-    bounds = counted.bounds(np.arange(26) / 50.0)
-
-    runs = [
-        flying.fly_group(plan, plan.scenario_of(draw), group) for draw in range(10, 10 + WITH_FIVE)
-    ]
-
-    inside = [bounds.contain(run.signals) for run in runs]
-    assert inside == (counted.scores <= counted.scale).tolist()
-
-
-def test_more_flights_are_added_to_the_count(counted):
-    with flown_here() as pool:
-        more = counting.count_more(counted, 2 * WITH_FIVE, pool)
-        for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
-            with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
-                counting.count_more(counted, other, pool)
-        pool.observer = Notes()
-        assert counting.count_more(more, 2 * WITH_FIVE, pool) is more
-        assert pool.observer.heard == ["its 58 flights are counted already: none is flown"]
-    # the draws of this one begin with the second half of that: a draw between them is left out
-    after = count(flights=WITH_FIVE, learn=10 + WITH_FIVE + 1)
-
-    assert np.array_equal(more.extremes, np.concatenate([counted.extremes, after.extremes]))
-    assert more.readings == (WITH_FIVE, 2 * WITH_FIVE)
-    assert more.confidence == pytest.approx(0.8)
-
-
-def test_a_recount_finds_a_flight_that_differs(counted):
-    extremes = counted.extremes.copy()
-    extremes[4] = np.nextafter(extremes[4], np.inf)
-
-    with flown_here() as pool:
-        draws = counting.some_draws(counted, WITH_FIVE)
-        assert counting.differing(counted, draws, pool) == []
-        assert counting.differing(replace(counted, extremes=extremes), draws, pool) == [14]
-        with pytest.raises(ft.InputError, match="`count` must be 1 to"):
-            ft.verify(counted, count=WITH_FIVE + 1)
-
-
-def test_a_recount_finds_a_flight_that_had_another_wind():
-    drawn = uniform("wind.speed_mps", 0.0, 8.0), uniform("wind.from_deg", 0.0, 360.0)
-    plan = small_plan(*drawn, plants=[AEROSONDE], wind=WIND)
-    counted = count(plan, predicted_from="wind", flights=ALONE)
-    wind = counted.wind.copy()
-    wind[3, 1] += 1e-3
-
-    with flown_here() as pool:
-        for band, found in ((counted, []), (replace(counted, wind=wind), [10 + 3])):
-            assert counting.differing(band, band.draws.tolist(), pool) == found
 
 
 def test_the_page_of_a_band_says_why_flights_did_not_complete(counted, tmp_path):
@@ -112,22 +31,6 @@ def test_any_recorded_signal_has_a_band():
     assert counted.about.signals == {"n_z": "1", "phi_cmd": "rad"}
     assert counted.about.plan["campaign"]["seed"] == 8
     assert np.isfinite(counted.half_widths).all()
-
-
-@pytest.mark.soak
-def test_a_band_that_is_given_the_wind_is_narrower():
-    wind = uniform("wind.speed_mps", 0.0, 8.0), uniform("wind.from_deg", 0.0, 360.0)
-    plan = small_plan(*wind, plants=[AEROSONDE], wind=WIND)
-
-    blind, knowing = (count(plan, learn=20, predicted_from=wind) for wind in (None, "wind"))
-
-    assert knowing.half_widths.max() < 0.5 * blind.half_widths.max()
-    assert "around the middle that its wind predicts" in knowing.sentence
-    drawn = plan_of_band(knowing).values_of(20)
-    speed, origin = drawn["wind.speed_mps"], np.deg2rad(drawn["wind.from_deg"])
-    # air moves away from where it blows from
-    blown = -speed * np.cos(origin), -speed * np.sin(origin)
-    assert knowing.wind[0] == pytest.approx(blown)
 
 
 @pytest.mark.parametrize(
@@ -186,17 +89,6 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     assert valid["half_widths"][0]["end"] == pytest.approx(widths[-1, 0])
 
 
-def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
-    plan = {**counted.about.plan, "aircraft": {"aerosonde": 64 * "0"}}
-    changed = replace(counted, about=replace(counted.about, plan=plan))
-    changed.save(tmp_path / "x.npz")
-
-    with pytest.raises(ft.InputError, match="`aerosonde` must have the files"):
-        plan_of_band(changed)
-    _, stderr = flighttune("verify", tmp_path / "x.npz", status=1)
-    assert "`aerosonde` must have the files" in stderr
-
-
 def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_path):
     counted.save(tmp_path / "x")  # known by its content, whatever its name
 
@@ -206,96 +98,9 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
 
 
 @pytest.mark.soak
-def test_a_band_on_a_route_follows_the_distance_along_it():
-    corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (300.0, 0.0), (300.0, 300.0))]
-    changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
-    plan = ft.flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic")
-    band = count(plan)
-    path = conditions.reference_of(plan.scenario).path
-
-    assert band.about.signals == {"cross_track": "m", "height_err": "m"}
-    assert (band.flights.over, band.flights.edges[-1]) == ("along", math.ceil(path.length))
-    ranks = np.argsort(band.scores)
-    for i in ranks[[0, -7, -6, -5, -1]]:  # the five of the highest scores are outside
-        scenario = plan_of_band(band).scenario_of(band.about.learned + int(i))
-        signals = flying.fly_group(plan, scenario, plan.groups[0]).signals
-        inside = band.bounds(signals["along"].to_numpy()).contain(signals)
-        assert inside == (i not in ranks[-5:]) == (band.scores[i] <= band.scale)
-
-
-@pytest.mark.soak
 def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
     short = [{"north_m": n, "east_m": 0.0} for n in (0.0, 100.2)]
     changes = {"route.waypoint": short, "flight.duration_s": 60.0}
     band = count(ft.flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic"))
 
     assert band.not_completed == 0
-
-
-@pytest.mark.soak
-def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
-    counted = count(small_plan(plants=(AEROSONDE,)))
-    plan = plan_of_band(counted)
-    tables = flying.scenario_of_run(plan, counted.nearest).as_dict()
-    label = plan.groups[0].plant
-
-    def flown(**changes):
-        made = ft.scenario_from({**tables, **changes})
-        return [run for run in ft.fly(made).runs if run.provenance.plant == label]
-
-    (run, *_) = with_claims(flown(), [counted])
-    assert run.claims[0].sentence == counted.sentence
-    heavy = [plant | {"airframe": {"mass_factor": 1.3}} for plant in tables["plant"]]
-    for differs, changes in (
-        ("plant.airframe.mass_factor is 1.3, counted on 1", {"plant": heavy}),
-        ("sensors.chi_bias_deg is 1, counted on 0", {"sensors": {"chi_bias_deg": 1.0}}),
-        ("turbulence is light, counted on none", {"turbulence": {"intensity": "light"}}),
-    ):
-        with pytest.raises(ft.InputError, match=rf"no claim about this flight: {differs}"):
-            with_claims(flown(**changes), [counted])
-
-
-@pytest.mark.soak
-def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
-    counted = count(small_plan(plants=(KINEMATIC, AEROSONDE)), kind=ft.residual, flights=ALONE)
-    plan, model = plan_of_band(counted), counted.model
-    bounds = counted.bounds(np.arange(25) / 50.0)
-
-    for run, score in enumerate(counted.scores, start=counted.about.learned):
-        flown = flying.fly_group(plan, plan.scenario_of(run), plan.groups[0])
-        signals = residuals_of(
-            model, flown.signals, conditions.start_condition(plan.scenario_of(run))
-        )
-        residuals = dict(zip(counted.about.signals, signals.T, strict=True))
-        assert bounds.contain(residuals) == (score <= counted.scale)
-    units = [row["unit"] for row in counted.answer().tables[0].records]
-    assert units == ["deg/s", "deg/s", "deg", "deg"]
-    with pytest.raises(ft.InputError, match="got a Residual"):
-        ft.fly(plan.scenario).within(counted)
-
-
-def test_residual_signals_have_shorter_windows_than_recorded_ones():
-    """The boxes of a tube add up over time: windows of 7.5 samples had 1.5 times those of 1.5."""
-    tables = tables_of((AEROSONDE,), gains=[SOFT])
-    tables["flight"]["duration_s"] = 20.0
-    plan = plan_of(tables, *START, runs=12)
-
-    residuals = ResidualSignals.chosen(plan, None)
-    four = RecordedSignals(units=residuals.units)
-    recorded, residual = (flights_of(plan, x, 1640) for x in (four, residuals))
-
-    assert np.diff(recorded.edges) == pytest.approx(0.1)
-    assert np.diff(residual.edges) == pytest.approx(0.04)
-
-
-def test_a_count_of_one_kind_is_not_taken_for_another(counted, tmp_path):
-    """A band is no boxes of a tube; a file says what it is, and a class takes no other's values."""
-    counted.save(tmp_path / "x.npz")
-    with pytest.raises(ft.InputError, match=r"`boxes` must be a Residual or None, got a Band"):
-        ft.tube("paper", "paper", counted)
-    said = flighttune("tube", "paper", "--boxes", tmp_path / "x.npz", status=2)[1]
-    assert "x.npz: `boxes` must be of residual signals" in said
-    values = {name: getattr(counted, name) for name in ("about", "flights", "extremes", "wind")}
-    for kind in (ft.Residual, TurnBack):
-        with pytest.raises(ft.InputError, match=r"`about\.of` must be"):
-            kind(**values)

@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from made_up_missions import AREA, HALF, made_up_flights, mission
-from plans import SLOPE, item, plan_file, terrain, waypoint
-from scipy.stats import binom, binomtest
+from made_up_missions import AREA, made_up_flights, mission
+from plans import item, plan_file, waypoint
+from scipy.stats import binom
 
 import flighttune as ft
-from flighttune.claims import counting
-from flighttune.claims.mission import LEARN
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
@@ -20,52 +18,6 @@ FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
 # Gains of flights that are made up: others are tuned at each airspeed.
 PAPER = {"gains": ["paper"], "law": ["paper"]}
 AT_ONCE = (*FEW, "--set", 'gains=["paper"]', "--set", 'law=["paper"]')
-
-
-@pytest.fixture
-def few_learned(monkeypatch):
-    """A shape of fifteen flights holds as that of thirty does."""
-    monkeypatch.setattr("flighttune.claims.mission.LEARN", 15)
-
-
-@pytest.mark.soak
-@pytest.mark.usefixtures("few_learned")
-def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
-    file, page, out = (tmp_path / name for name in ("m.plan", "m.html", "m.npz"))
-    mission(file, corner=HALF)
-    raster = terrain(tmp_path / "t.tif")
-    said = answer("mission", file, *FEW, "--out", out, "--page", page, "--terrain", raster)
-
-    beside, above = (row["largest"] for row in said["half_widths"])
-    path, corridor = (said["terrain"][name]["over_ground_m"] for name in ("path", "corridor"))
-    assert path == pytest.approx(70.0 - 0.002 * SLOPE, abs=0.5)  # the last leg, 222 m to the north
-    assert path - above - 2.0 * beside * SLOPE / 111e3 - 0.5 < corridor < path
-    assert said["fence"]["outside"] == 0
-    flights = said["flights"]  # Clopper and Pearson, of one side: both claims share 0.1
-    bound = binomtest(0, flights, alternative="less").proportion_ci(0.95, method="exact").high
-    assert said["fence"]["epsilon"] == pytest.approx(bound, rel=1e-6)
-    assert said["confidence"] == pytest.approx(0.9)
-    whether, odds, wide, holds = said["summary"]
-    assert whether == "Yes: the mission can be flown and stays inside its fence."
-    assert "at a confidence of 0.9 for all that is said here: 0 of 9 flights did" in odds
-    assert wide.startswith("The corridor is at most")
-    assert "jsbsim:aerosonde under the" in holds
-    air = "in wind 0 to 8 m/s from anywhere, light turbulence"
-    assert f"at 26 m/s {air}, where the aircraft knows its place by a standard receiver" in holds
-    assert "wind 0 to 8 m/s from anywhere, light turbulence" in said["distribution"]
-    assert 14.0 < said["route"]["time"] < 15.0  # 0.38 km at 26 m/s
-    assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
-    nearest = {row["what"]: row for row in said["fence"]["nearest"]}
-    assert nearest["band"]["margin_m"] <= nearest["completed flights"]["margin_m"]
-    (run,) = ft.refly(out, said["nearest_draw"]).flown.runs
-    (claim,) = run.claims  # of a flight whose mass and the rest are drawn
-    assert claim.contains(run.signals)
-    assert claim.fences == ([[lon, lat] for lat, lon in [*AREA, AREA[0]]],)
-    text, shown = page.read_text(), ("Map", "Height over the start", "certainly inside")
-    for words in (*shown, "ground", "rally", "leg", "fence", "<h2>Map, heights and corridor"):
-        assert words in text, words
-    assert "<h1>Mission &#34;m&#34;<" in text
-    assert ft.load(out).sentence in flighttune("verify", out, "--count", 1)[0].replace("\n", " ")
 
 
 @pytest.mark.slow
@@ -169,29 +121,6 @@ def test_the_third_largest_of_all_flights_decides_the_corridor(
 
 
 @pytest.mark.slow
-def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch):
-    monkeypatch.setattr("flighttune.claims.shape.PART", 32)  # looked at in three parts
-    made_up_flights(monkeypatch, None)
-    file = mission(
-        tmp_path / "m.plan", [[47.39, 8.49], [47.39, 8.51], [47.42, 8.51], [47.42, 8.49]]
-    )
-    band = ft.mission(file, epsilon=0.1, flights=80, workers=1, changes=PAPER).band
-    (fence,) = band.about.fences
-
-    def margin(i):
-        alone = {name: getattr(band, name)[[i]] for name in ("extremes", "wind", "navigation")}
-        return replace(band, **alone).inside(fence).nearest[0]["margin_m"]
-
-    margins = np.array([margin(i) for i in range(80)])
-    most = band.allowed + 1
-    wanted = {*np.argsort(margins)[:most], *np.argsort(-band.scores)[:most]}
-
-    assert most < len(wanted) <= 2 * most  # both claims have flights of their own
-    assert {*(LEARN + i for i in wanted)} <= {*counting.deciding(band)}
-    assert len(counting.deciding(band)) <= len(wanted) + 2 * counting.NEXT
-
-
-@pytest.mark.slow
 def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
     """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
     made_up_flights(monkeypatch, None)
@@ -262,66 +191,6 @@ def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_pat
     source = mission(tmp_path / "m.plan") if more else "circuit_in_wind"
     with pytest.raises(ft.InputError, match=f"`until_sure` must be about a fence alone, got {got}"):
         ft.mission(source, until_sure=True, **more)
-
-
-@pytest.mark.soak
-@pytest.mark.usefixtures("few_learned")
-def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
-    calm = tmp_path / "calm.toml"
-    calm.write_text(
-        'title = "calm"\nscenario = "circuit"\nruns = 20\nseed = 5\ndesign = "random"\n'
-        'gains = ["tuned_identified"]\n[[disperse]]\nkey = "plant.airframe.mass_factor"\n'
-        'distribution = "uniform"\nlower = 0.95\nupper = 1.05\n'
-    )
-    file = mission(tmp_path / "m.plan", corner=HALF)
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 9}
-    band = ft.mission(str(file), like=str(calm), navigation="exact", **few).band
-
-    assert "calm air" in band.sentence or "wind" not in band.sentence
-    assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("least", "said"),
-    [
-        # 0.9 times is first
-        ((15.0, 15.0), "With `--set flight.V_a_mps=18` these 2 complete."),
-        ((15.0, 21.0), "With `--set flight.V_a_mps=22` these 2 complete."),
-        ((23.0, 15.0), "With `--set flight.V_a_mps=24` these 2 complete."),
-        ((15.0, 99.0), "They do not complete with 0.8, 0.9, 1.1, 1.2 times the airspeed"),
-    ],
-)
-def test_a_change_is_said_with_which_all_flights_that_ended_early_complete(
-    tmp_path, monkeypatch, least, said
-):
-    """Flights of 20 m/s of which two complete from an airspeed on."""
-    made_up_flights(monkeypatch, lost_every=4)
-    flown = counting._flown
-
-    def with_endings(pool, *args, **options):
-        lost = LEARN, LEARN + 4
-        ended = [{"run": run, "status": "stall", "reason": "slow"} for run in lost]
-        pool.progress.endings[:] = ended
-        return flown(pool, *args, **options)
-
-    def rows(_pool, plan, runs, **_):
-        assert plan.runs > max(runs)
-        assert len(plan.scenario.route.waypoint) == 2
-        V = plan.scenario.flight.V_a_mps
-        return [
-            {"run": run, "status": "completed" if V >= at_least else "stall"}
-            for run, at_least in zip(runs, least, strict=True)
-        ]
-
-    monkeypatch.setattr("flighttune.claims.mission.WorkerPool.in_order", rows)
-    monkeypatch.setattr(counting, "_flown", with_endings)
-    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]
-    changes = {"route.waypoint": legs, "flight.V_a_mps": 20.0, **PAPER}
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 9}
-    odds = ft.mission("circuit_in_wind", changes=changes, workers=1, **few)
-
-    assert odds.way.startswith(said)
 
 
 @pytest.mark.soak
