@@ -1,6 +1,5 @@
 """Faults that are made, not played: afterwards every run is there once, with the same bits."""
 
-import itertools
 import os
 import random
 import resource
@@ -11,10 +10,11 @@ import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from textwrap import dedent
 
+import dispersed as flown
 import psutil
 import pytest
+from commands import answer
 from dispersed import one_of
 from flown_campaigns import (
     CIRCULAR,
@@ -33,17 +33,13 @@ from flown_campaigns import (
     parts,
     plan,
     some_parts,
-    table_flown,
     wait_until,
     write_campaign,
 )
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.campaigns.engine import flyer, pool
-from flighttune.campaigns.engine.cluster import ClusterWorkers
-from flighttune.campaigns.engine.flyer import Flyer
-from tests.cli.test_code_of_files import LAW
+from flighttune.campaigns.engine import flyer
 
 # real clusters, processes that are killed
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
@@ -76,7 +72,7 @@ def ours(file):
 @pytest.fixture(scope="module")
 def undisturbed(ours):
     """Rows as one process flies them."""
-    return bits(table_flown(ours))
+    return bits(flown.rows_of(ours))
 
 
 def rows_of(out):
@@ -115,15 +111,32 @@ def test_a_run_that_ends_its_process_is_one_row(
     crashed = rows.take([poison]).to_pylist()[0]
     assert (crashed["status"], crashed["success"]) == (status, False)
     assert reason in crashed["reason"]
-    assert bits(rows.take(others)) == bits(table_flown(ours, others))
+    assert bits(rows.take(others)) == bits(flown.rows_of(ours.with_runs(poison)))[:poison]
     assert done.statuses == {"completed": 10, status: 1}
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
+
+
+LAW = """
+import math
+
+class Mine:
+    signals = {}
+
+    def __init__(self, setup):
+        self.dt = setup.dt
+
+    def start(self, condition):
+        pass
+
+    def step(self, measured, reference, t):
+        return reference.chi - measured.chi, math.cos(measured.gamma)
+"""
 
 
 def with_own_law(scenario):
     """Add a law of the user's to a scenario; its file."""
     law = scenario.with_name("level.py")
-    law.write_text(dedent(LAW))
+    law.write_text(LAW)
     tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Mine"\n'
     scenario.write_text(scenario.read_text() + tables)
     return law
@@ -142,12 +155,12 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
     ours = ft.plan_campaign(ft.load_campaign(file))
     law.unlink()
     if added:
-        law.write_text(dedent(LAW) + added)
+        law.write_text(LAW + added)
 
     with pytest.raises(ft.FlightTuneError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
-    law.write_text(dedent(LAW))
+    law.write_text(LAW)
     assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
 
 
@@ -159,7 +172,7 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
 
     def change(progress):
         if progress.done:
-            law.write_text(dedent(LAW) + "# other")
+            law.write_text(LAW + "# other")
         return False
 
     with pytest.raises(ft.FlightTuneError, match=r"level: .* other contents now"):
@@ -167,7 +180,7 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
 
     rows = rows_of(tmp_path / "out").to_pylist()
     assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
-    law.write_text(dedent(LAW))
+    law.write_text(LAW)
     done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
     assert done.statuses["completed"] >= RUNS - WORKERS
 
@@ -263,18 +276,6 @@ def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes
     assert len(rows_of(tmp_path / "out")) == RUNS
     assert len(noted.heard) == 2
     assert "a worker is there" in noted.heard[1]
-
-
-def test_a_scheduler_without_workers_is_there_until_it_is_lost(tmp_path):
-    with dask_cluster(tmp_path, workers=0) as (address, scheduler):
-        workers = ClusterWorkers(address)
-        assert workers.threads() == 0
-        scheduler.kill()
-        wait_until(lambda: workers._client.status != "running")
-
-        with pytest.raises(ft.FlightTuneError, match="connection to the scheduler is lost"):
-            workers.threads()
-        workers.stop()
 
 
 @pytest.mark.counts
@@ -442,22 +443,6 @@ def test_an_aircraft_whose_undispersed_flight_does_not_end_is_one_line(tmp_path,
 
 
 @pytest.mark.counts
-def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp_path, monkeypatch):
-    ours = plan(tmp_path, runs=4, law=False)
-    calls, receive = itertools.count(), Flyer._receive
-
-    def kills(flyer, *limit):
-        if next(calls) in (1, 2):  # the first waits for a run, the second for a new process
-            flyer._process.kill()
-        return receive(flyer, *limit)
-
-    monkeypatch.setattr(Flyer, "_receive", kills)
-    ft.run_campaign(ours, tmp_path / "out", workers=1)
-
-    assert Counter(ft.load(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
-
-
-@pytest.mark.counts
 @pytest.mark.parametrize(
     "end", [psutil.Process.kill, psutil.Process.suspend], ids=["dies", "hangs"]
 )
@@ -518,25 +503,99 @@ def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
 
-def test_processes_that_are_ready_fly_for_the_next_pool():
-    flyer.get_ready(1)
-    (ready,) = flyer._READY
-    workers = pool.Threads(1)
+# Flights of 14 s on the lags of an aircraft, in any wind.
+LAGS = """
+title = "bend"
+gains = ["paper"]
+flight = { V_a_mps = 25.0, duration_s = 14.0, h_m = 500.0 }
+controller = { rate_hz = 10.0, feed_forward = true }
+plant = [{ kind = "point_mass_lag", identified = "aerosonde" }]
+[limits]
+phi_deg = [-42.0, 47.0]
+phi_rate_dps = 55.0
+n_z = [-1.8, 2.1]
+n_z_rate_per_s = 2.0
+[[route.waypoint]]
+north_m = 0.0
+east_m = 0.0
+[[route.waypoint]]
+north_m = 100.0
+east_m = 0.0
+[[route.waypoint]]
+north_m = 200.0
+east_m = 80.0
+"""
+DRAWN = """
+title = "drawn"
+scenario = "bend"
+runs = 12
+[[disperse]]
+key = "wind.speed_mps"
+distribution = "uniform"
+lower = 0.0
+upper = 3.0
+[[disperse]]
+key = "wind.from_deg"
+distribution = "uniform"
+lower = 0.0
+upper = 359.0
+[keep]
+failures = 0
+worst = 0
+sample = 0
+"""
+STEP = """
+title = "step"
+gains = ["paper"]
+flight = { V_a_mps = 25.0, chi_deg = 20.0, duration_s = 8.0 }
+reference = { chi_deg = 0.0, gamma_deg = 0.0 }
+controller = { feed_forward = true }
+plant = [{ kind = "point_mass_lag", identified = "aerosonde" }]
+expect = [{ at_most.chi.MO_deg = 0.5 }, { at_most.chi.settling_s = 1.0 }]
+[limits]
+phi_deg = [-45.0, 45.0]
+phi_rate_dps = 60.0
+n_z = [-1.0, 2.5]
+n_z_rate_per_s = 2.0
+"""
+# Commands that keep what they have flown, what goes on with it, and where it is.
+KEEPING = {
+    "campaign": ("campaign drawn.toml --out out", "--resume", "out/runs/*"),
+    "compare": ("compare drawn.toml --with plane.params --flights 8", "", "runs/*unfinished*"),
+    "meet": ("meet step.toml --start paper --budget 30", "", "runs/*unfinished*"),
+    "meet --with": ("meet drawn.toml --with plane.params --flights 2 --budget 118", "",
+                    "runs/*unfinished*"),
+}  # fmt: skip
+OF_TIME = {"wall_s", "rate_per_s", "flown", "dataset", "compiled", "notes"}
 
-    assert workers._flyers == [ready]
-    assert flyer.take_ready() is None
-    workers.stop()
 
+@pytest.mark.soak
+@pytest.mark.parametrize("number", first_or_all([signal.SIGKILL, signal.SIGTERM, signal.SIGINT]))
+@pytest.mark.parametrize("verb", KEEPING)
+def test_a_command_that_is_ended_goes_on_to_the_same_answer(tmp_path, verb, number):
+    words, more, kept = KEEPING[verb]
+    command = [*words.split(), "--workers", "1"]
+    folders = [tmp_path / name for name in ("whole", "ended")]
+    for folder in folders:
+        folder.mkdir()
+        for name, text in (("bend.toml", LAGS), ("drawn.toml", DRAWN), ("step.toml", STEP)):
+            (folder / name).write_text(text)
+        (folder / "plane.params").write_text("# Version: 1.14.0\n1\t1\tNPFG_PERIOD\t60\t9\n")
+    with flying(command=command, cwd=folders[1]) as process:
+        wait_until(lambda: [x for x in folders[1].glob(kept) if x.stat().st_size > 2000])
+        process.send_signal(number)
+        assert process.wait(timeout=240) != 0
+    there = [x.stat().st_size for x in folders[1].glob(kept)]
 
-def test_processes_that_were_ready_end_with_a_command_that_flies_nothing():
-    program = (
-        "from flighttune.campaigns.engine import flyer\n"
-        "flyer.get_ready(1)\n"
-        "print(flyer._READY[0]._process.pid)"
-    )
-    ended = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    resumed = answer(*command, *more.split(), cwd=folders[1], status=None)
 
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(ended.stdout), 0)
+    whole = answer(*command, cwd=folders[0], status=None)
+    assert there
+    assert {k: x for k, x in resumed.items() if k not in OF_TIME} == {
+        k: x for k, x in whole.items() if k not in OF_TIME
+    }
+    if verb == "campaign":
+        assert resumed["flown"] < whole["flown"] == resumed["runs"]
+        assert bits(rows_of(folders[1] / "out")) == bits(rows_of(folders[0] / "out"))
+    else:
+        assert not [*folders[1].glob(kept)]

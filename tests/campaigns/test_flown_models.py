@@ -37,3 +37,19 @@ def test_a_model_of_a_log_flies_within_the_limits_that_the_log_showed(mission, m
 
     assert scenario.limits.phi_deg == (-31.0, 33.0)
     assert (scenario.limits.phi_rate_dps, scenario.limits.n_z_rate_per_s) == (25.0, 0.9)
+
+
+@pytest.mark.slow
+def test_a_model_flies_as_its_lags_in_wind_without_turbulence(mission, mine):
+    stated = ft.flights(mission, aircraft=mine)
+
+    (plant,) = stated.scenario.plant
+    assert (plant.kind, plant.identified) == ("point_mass_lag", mine)
+    assert any("lags" in note for note in stated.scenario.notes)
+    assert stated.plan().campaign.central.turbulence is None
+    assert [x.key for x in stated.campaign.disperse] == ["wind.speed_mps", "wind.from_deg"]
+    # 45 deg, 30 deg/s, and -2.1 to 2.1 of aircraft/aerosonde/aircraft.toml
+    limits = stated.scenario.limits
+    assert limits.phi_deg == pytest.approx((-45.0, 45.0))
+    assert limits.phi_rate_dps == pytest.approx(30.0)
+    assert limits.n_z == (-2.1, 2.1)

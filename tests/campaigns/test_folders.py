@@ -270,7 +270,7 @@ def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, plan, rows,
     data = bytearray(part.read_bytes())
     data[len(data) // 2] ^= 1
     part.write_bytes({"cut": bytes(data[:-100]), "another byte": bytes(data), "empty": b""}[how])
-    with pytest.raises(ft.RecordingError, match="is damaged or was changed.*--resume"):
+    with pytest.raises(ft.RecordingError, match=r"is damaged or was changed.*--resume"):
         ft.load(out).rows()
 
     done = ft.run_campaign(plan, out, resume=True, observer=notes)
@@ -406,7 +406,6 @@ def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path):
 
 def asking(share, runs=1000, **keys):
     """Gains `paper` succeed on every draw, and `soft` on none."""
-    every = {"at_most": {"chi": {"peak_deg": 90.0, "end_error_deg": 90.0}}}
     none = {"gains": "soft", "at_most": {"chi": {"peak_deg": 1e-6}}}
     return plan_of(short(), START, runs=runs, until_sure=share, success=[none], **keys)
 

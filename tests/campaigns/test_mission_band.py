@@ -1,14 +1,10 @@
 """One command for a mission: its corridor, and the probability that it leaves its own fence."""
 
 import re
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from commands import answer, flighttune
-from made_up_missions import AREA, made_up_flights, mission
 from plans import item, plan_file, waypoint
-from scipy.stats import binom
 
 import flighttune as ft
 
@@ -18,6 +14,23 @@ FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
 # Gains of flights that are made up: others are tuned at each airspeed.
 PAPER = {"gains": ["paper"], "law": ["paper"]}
 AT_ONCE = (*FEW, "--set", 'gains=["paper"]', "--set", 'law=["paper"]')
+
+
+AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
+
+
+def mission(path, area=AREA):
+    """Take-off at 47.4 N, 445 m to the north and 450 m to the east, in an area."""
+    fence = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": area}]}
+    return plan_file(
+        path,
+        item(22, 15, 0, 0, None, 47.4, 8.5, 60),
+        item(178, 0, 26, -1, 0, 0, 0, 0, frame=2),
+        waypoint(47.404, 8.5, 70),
+        waypoint(47.404, 8.506, 70),
+        geoFence=fence,
+        rallyPoints={"points": [[47.401, 8.505, 70]], "version": 2},
+    )
 
 
 @pytest.mark.slow
@@ -74,115 +87,6 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     ):
         assert words in flighttune("mission", source, *AT_ONCE, *options, status=2)[1]
     assert "counted with `flighttune mission`" in flighttune("band", file, status=2)[1]
-
-
-def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch):
-    """One in four does not complete, and of 628 flights two may be outside."""
-    counted = made_up_flights(monkeypatch, lost_every=4)
-    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)], **PAPER}
-    odds = ft.mission("circuit_in_wind", changes=short, workers=1)
-    said = odds.answer()
-
-    assert len(counted) == 24
-    assert odds.way == ""  # it is not known which flights ended, and why
-    assert said.summary[0].startswith("No: of 24 flights 6 did not complete")
-    assert "at most 2 of 628 may" in said.summary[0]
-    assert "the count ended after 24 of 628 flights" in said.failure
-
-
-@pytest.mark.parametrize(
-    ("lost_every", "flights", "lost"),
-    # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
-    [
-        pytest.param(None, 628, 0, marks=pytest.mark.counts),
-        *((300, 628, None), (400, 628, 2), (50, 192, None)),
-    ],
-)
-@pytest.mark.soak
-def test_the_third_largest_of_all_flights_decides_the_corridor(
-    tmp_path, monkeypatch, lost_every, flights, lost
-):
-    counted, out = made_up_flights(monkeypatch, lost_every), tmp_path / "m.npz"
-    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)], **PAPER}
-    odds = ft.mission("circuit_in_wind", changes=short, workers=1, out=out)
-    band, said = ft.load(out), odds.answer()
-
-    assert len(counted) == len(band.scores) == flights
-    assert said.summary[0].startswith("No: " if lost is None else "Yes: ")
-    assert band.sentence == odds.band.sentence
-    if lost is not None:
-        assert (band.scale, band.outside) == (np.sort(band.scores)[-3], 2)
-        assert (band.not_completed, band.confidence) == (lost, pytest.approx(0.95))
-        assert "confidence of 0.95 for all that is said here: 2 of" in said.summary[1]
-        longer = replace(band, about=replace(band.about, early=flights))
-        longer.save(out)
-        with pytest.raises(ft.InputError, match="`early` must be below"):
-            ft.load(out)
-
-
-@pytest.mark.slow
-def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
-    """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
-    made_up_flights(monkeypatch, None)
-    file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    band = ft.mission(file, epsilon=0.05, flights=126, workers=1, changes=PAPER).band
-    first = {name: getattr(band, name)[:78] for name in ("extremes", "wind", "navigation")}
-    band = replace(band, about=replace(band.about, early=78), **first)
-    early = band.inside(band.about.fences[0])
-    assert (early.outside, early.supported) == (0, True)
-    assert early.epsilon == pytest.approx(1.0 - 0.025 ** (1 / 78), rel=1e-6)
-    assert early.sentence.startswith("a new flight leaves the fence with probability at most 0.046")
-    extremes = band.extremes.copy()
-    extremes[3, 0, 0] = [-5000.0, 5000.0]
-    left = replace(band, extremes=extremes)
-    left.save(out)
-    whether = ft.mission(out).answer().summary[0]
-    assert whether.startswith("Not known: 78 of 126 flights were flown; `flighttune band FILE")
-
-    more = ft.band(out, flights=126, workers=1)
-    fenced = more.inside(more.about.fences[0])
-    assert (len(more.scores), fenced.outside, fenced.supported) == (126, 1, True)
-    none_first = binom.pmf(0, 78, fenced.epsilon) * binom.sf(1, 48, fenced.epsilon)
-    assert none_first + binom.cdf(1, 126, fenced.epsilon) == pytest.approx(0.025, rel=1e-6)
-    assert more.answer().summary[0].startswith("Yes: ")
-    assert more.confidence == pytest.approx(0.95)
-
-    twice = ft.band(out, flights=252, workers=1)
-    assert ft.load(out).readings == twice.readings == (126, 252)
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("lost_every", "flights", "said"),
-    [
-        # 0.95^-n / 2 and a share of it exceed 2 / 0.05 from 82 on; it is looked at every 12 flights
-        (None, 84, "Yes: the mission can be flown and stays inside its fence."),
-        (3, 24, "No: a new flight is not certainly inside the fence with probability above 0.05"),
-        (20, 208, "Not known: "),
-    ],
-)
-def test_a_fence_is_answered_as_soon_as_it_is_sure(
-    tmp_path, monkeypatch, lost_every, flights, said
-):
-    made_up_flights(monkeypatch, lost_every)
-    file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    odds = ft.mission(file, epsilon=0.05, until_sure=True, out=out, workers=1)
-    answer, band = odds.answer(), ft.load(out)
-
-    assert (len(band.scores), band.confidence) == (flights, pytest.approx(0.95))
-    assert answer.summary[0].startswith(said)
-    assert answer.summary[2] == "No corridor is claimed."
-    assert band.answer().values["fence"] == answer.values["fence"]
-    sentence = answer.values["fence"]["sentence"]
-    assert ("confidence 0.95 at any number of flights" in sentence) == (flights < 208)
-    assert bool(answer.failure) == (lost_every is not None)
-    if flights == 84:  # one flight fewer of the same was not sure, of 208 planned
-        first = {x: getattr(band, x)[:72] for x in ("extremes", "wind", "navigation")}
-        replace(band, **first).save(out)
-        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 102, .*no answer"):
-            ft.load(out)
-        with pytest.raises(ft.InputError, match=r"`until_sure` .* a band"):
-            ft.mission(band, until_sure=True)
 
 
 @pytest.mark.slow

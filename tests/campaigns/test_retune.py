@@ -40,7 +40,7 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
 
 
 BEND = (0.0, 0.0), (100.0, 0.0), (200.0, 80.0)
-PX4 = "# Vehicle: Fixed Wing\n# Version: 1.14.0\n1\t1\tNPFG_PERIOD\t{}\t9\n1\t1\tNPFG_DAMPING\t0.7\t9\n"
+PX4 = "# Version: 1.14.0\n1\t1\tNPFG_PERIOD\t{}\t9\n1\t1\tNPFG_DAMPING\t0.7\t9\n"
 LARGEST = {
     "cross track": ("flight.cross_track_m", 1.0),
     "height": ("flight.height_err_m", 1.0),

@@ -5,18 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dispersed import plan_of, tables_of, uniform
-from made_up_tubes import tube as tube_of
-from made_up_tubes import tube_scenario
 from scipy import stats
 
 import flighttune as ft
 
 
+def turned(seconds, **flight):
+    """A turn and a descent of the law, so far off at its start."""
+    made = tables_of(gains=["paper"], reference={"chi_deg": 0.0, "gamma_deg": 15.0})
+    made["flight"] = {"V_a_mps": 25.0, "duration_s": seconds, **flight}
+    return ft.scenario_from(made)
+
+
+TURNED = turned(0.3, chi_deg=15.0, gamma_deg=5.0)
+
+
 @pytest.fixture(scope="module")
 def proven(tmp_path_factory):
     """A tube of 0.3 s of the law from a box of starts, disturbed, and its file."""
-    scenario = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
-    proven = tube_of(scenario, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
+    proven = ft.tube(TURNED, "paper", start=0.01, disturbance=0.02)
     file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
     proven.save(file)
     return proven, file
@@ -36,8 +43,7 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     assert worst.answer().status == 1
     assert "contradicts its proof" in worst.answer().failure
 
-    other = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
-    away = ft.worst(other, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
+    away = ft.worst(TURNED, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
     assert away.value > 1.0  # from a start that the tube says nothing of
     assert tube.why_not(ft.fly(away.scenario).runs[0])
     assert not away.contradicts
@@ -60,7 +66,7 @@ def test_a_tube_without_bounds_has_no_worst(proven):
 
 
 def test_a_tube_of_one_flight_has_no_worst():
-    of_one = tube_of(tube_scenario(duration_s=0.1), ft.PAPER_GAINS, for_ever=False)
+    of_one = ft.tube(turned(0.1, chi_deg=5.0), "paper")
 
     with pytest.raises(ft.InputError, match="starts or a disturbance"):
         ft.worst(of_one, workers=1)
