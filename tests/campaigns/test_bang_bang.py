@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from commands import answer
 from dispersed import KINEMATIC, tables_of
-from flown_campaigns import flown_here
 from made_up import scenario_file
 from scipy.signal import dimpulse, dlti
 
@@ -73,11 +72,10 @@ def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(
     path, out = tmp_path / "level.toml", tmp_path / "worst.toml"
     scenario_file(path, ft.scenario_from(level(rate, duration)))
 
-    with flown_here():
-        said = answer(
-            "worst", path, "--disturbance", SMALL, "--start-deg", start_deg, "--metric",
-            "chi.peak_rad", "--budget", budget, "--out", out,
-        )  # fmt: skip
+    said = answer(
+        "worst", path, "--disturbance", SMALL, "--start-deg", start_deg, "--metric",
+        "chi.peak_rad", "--budget", budget, "--out", out,
+    )  # fmt: skip
 
     h, start = to_the_course(rate, round(rate * duration))
     optimum = SMALL * np.abs(h).sum() + np.deg2rad(start_deg) * np.abs(start).sum()

@@ -2,16 +2,11 @@
 
 import math
 import re
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from commands import flighttune
-from flown_campaigns import flown_here
 from log_files import sampled, write_dataflash
 
 import flighttune as ft
@@ -20,9 +15,6 @@ CORNERS = (0.0, 0.0), (100.0, 0.0), (150.0, 50.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 LONG = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in ((0, 0), (500, 0), (700, 300))]}
-LEG = [{"north_m": n, "east_m": 0.0} for n in (0.0, 120.0)]
-PAPER = {"gains": ["paper"], "law": ["paper"]}  # which need no search
-FOUR = {"flights": 4, "workers": 1, "changes": {"route.waypoint": LEG, **PAPER}}
 
 
 @pytest.fixture(scope="module")
@@ -35,46 +27,7 @@ def file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def comparison(file):
-    with flown_here():
-        return ft.compare("circuit_in_wind", autopilot=file, **FEW)
-
-
-# Killed by itself once so many flights are there.
-KILLED = f"""
-import os, signal, sys
-import flighttune as ft
-class Killed(ft.CampaignObserver):
-    def see(self, progress):
-        if progress.flown >= 2:
-            os.kill(os.getpid(), signal.SIGKILL)
-more = {FOUR!r}
-ft.compare("circuit_in_wind", autopilot=sys.argv[1], kept=sys.argv[2], observer=Killed(), **more)
-"""
-
-
-@pytest.mark.counts
-def test_a_killed_comparison_goes_on_and_is_the_same_to_the_bit(file, tmp_path):
-    kept = tmp_path / "runs" / "kept.jsonl"
-    done = subprocess.run([sys.executable, "-c", KILLED, file, kept], check=False)
-    assert done.returncode == -signal.SIGKILL
-    (file_of_it,) = kept.parent.glob("kept-*.jsonl")
-    flown = file_of_it.read_text().splitlines()
-    assert len(flown) >= 2
-    # half of the next line, and a flight of another comparison
-    file_of_it.write_text(
-        "\n".join([flown[0].replace('"of": "', '"of": "0'), *flown, flown[1][:50]])
-    )
-
-    said = []
-    observer = ft.CampaignObserver()
-    observer.hear = said.append
-    on = ft.compare("circuit_in_wind", autopilot=file, kept=kept, observer=observer, **FOUR)
-    whole = ft.compare("circuit_in_wind", autopilot=file, **FOUR)
-
-    assert said[0] == f"{file_of_it}: {len(flown)} flights are flown already."
-    assert not file_of_it.exists()
-    rows = [x.rows.drop(columns="wall_s") for x in (on, whole)]
-    pd.testing.assert_frame_equal(*rows, check_exact=True)
+    return ft.compare("circuit_in_wind", autopilot=file, **FEW)
 
 
 @pytest.mark.soak
@@ -183,35 +136,8 @@ def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, opt
 
 @pytest.mark.slow
 def test_a_scenario_without_draws_is_flown_once_by_both(file):
-    with flown_here():
-        alone = ft.compare("level_turn@paper", autopilot=file, workers=1, seed=7)
+    alone = ft.compare("level_turn@paper", autopilot=file, workers=1, seed=7)
 
     assert [*alone.rows["gains"]] == ["yours", "ours"]
     assert alone.plan.groups[-1].gains == "paper"
     assert alone.plan.campaign.seed == 7
-
-
-SPEEDS = """QGC WPL 110
-0\t1\t0\t16\t0\t0\t0\t0\t47.395\t8.55\t430\t1
-1\t0\t3\t22\t15\t0\t0\t0\t47.3952\t8.5501\t60\t1
-2\t0\t3\t16\t0\t0\t0\t0\t47.398\t8.55\t60\t1
-3\t0\t3\t178\t0\t20\t-1\t0\t0\t0\t0\t1
-4\t0\t3\t16\t0\t0\t0\t0\t47.398\t8.553\t60\t1
-5\t0\t0\t177\t2\t-1\t0\t0\t0\t0\t0\t1
-"""
-
-
-@pytest.mark.soak
-def test_what_is_not_emulated_of_a_mission_is_named_with_the_keys_that_fly_it(file, tmp_path):
-    mission = tmp_path / "m.waypoints"
-    mission.write_text(SPEEDS)
-    asked = ["compare", mission, "--with", file, "--flights", 1, "--workers", 1]
-
-    said = flighttune(*asked, status=2)[1]
-    assert "item 5 (DO_JUMP 177) must repeat at most 10 times" in said
-    asked += re.search("--set route.skip=true", said)[0].split()
-    said = flighttune(*asked, status=2)[1]
-    assert "must be flown at one airspeed" in said
-    assert "an airspeed of 20 m/s by item 3" in said
-    asked += re.search(r"--set flight.V_a_mps=25", said)[0].split()
-    assert "Neither lost an aircraft in 1 flight." in " ".join(flighttune(*asked)[0].split())

@@ -4,7 +4,6 @@ import os
 import random
 import resource
 import signal
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -39,7 +38,6 @@ from flown_campaigns import (
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.campaigns.engine import flyer
 
 # real clusters, processes that are killed
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
@@ -116,75 +114,6 @@ def test_a_run_that_ends_its_process_is_one_row(
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 
 
-LAW = """
-import math
-
-class Mine:
-    signals = {}
-
-    def __init__(self, setup):
-        self.dt = setup.dt
-
-    def start(self, condition):
-        pass
-
-    def step(self, measured, reference, t):
-        return reference.chi - measured.chi, math.cos(measured.gamma)
-"""
-
-
-def with_own_law(scenario):
-    """Add a law of the user's to a scenario; its file."""
-    law = scenario.with_name("level.py")
-    law.write_text(LAW)
-    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Mine"\n'
-    scenario.write_text(scenario.read_text() + tables)
-    return law
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("added", "said"),
-    first_or_all([("# other", "must be the file that was planned"), (None, "must be a file")]),
-)
-def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
-    tmp_path, address, added, said
-):
-    file = write_campaign(tmp_path, runs=4, wind="")
-    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
-    ours = ft.plan_campaign(ft.load_campaign(file))
-    law.unlink()
-    if added:
-        law.write_text(LAW + added)
-
-    with pytest.raises(ft.FlightTuneError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
-        ft.run_campaign(ours, tmp_path / "out", scheduler=address)
-
-    law.write_text(LAW)
-    assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
-
-
-@pytest.mark.counts
-def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
-    file = write_campaign(tmp_path, runs=RUNS, wind="")
-    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
-    ours = ft.plan_campaign(ft.load_campaign(file))
-
-    def change(progress):
-        if progress.done:
-            law.write_text(LAW + "# other")
-        return False
-
-    with pytest.raises(ft.FlightTuneError, match=r"level: .* other contents now"):
-        ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
-
-    rows = rows_of(tmp_path / "out").to_pylist()
-    assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
-    law.write_text(LAW)
-    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
-    assert done.statuses["completed"] >= RUNS - WORKERS
-
-
 @pytest.mark.soak
 def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_costs_nothing(
     tmp_path, ours, undisturbed
@@ -233,31 +162,6 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     ft.run_campaign(ours, out, workers=2, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("stopped", [1, 2])
-def test_a_process_that_is_stopped_before_it_answers_ends_in_time(
-    tmp_path, ours, undisturbed, monkeypatch, stopped
-):
-    """By a debugger, a freezer or a drive that hangs: it cannot end itself."""
-    monkeypatch.setattr(flyer, "PREPARE_S", 10.0 if stopped == 1 else 1.0)
-    seen = set()
-    with ThreadPoolExecutor(1) as thread:
-        running = thread.submit(ft.run_campaign, ours, tmp_path / "out", workers=1)
-        for _ in range(stopped):
-            (process,) = wait_until(lambda: {*flyers(psutil.Process())} - seen)
-            seen.add(process)
-            process.suspend()
-        if stopped == 1:  # a new process may take its time
-            wait_until(lambda: gone([process]))
-            monkeypatch.undo()
-        error = running.exception(180.0)
-    if stopped == 1:
-        assert error is None
-        assert bits(rows_of(tmp_path / "out")) == undisturbed
-    else:
-        assert "longer than `time_limit_s`" in str(error)
 
 
 @pytest.mark.soak
@@ -348,20 +252,6 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
 
 
 @pytest.mark.counts
-def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
-    file = write_campaign(
-        tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
-        aircraft=(aircraft_with(tmp_path / "aircraft", DOUBLING),),
-        disperse=[SPEED, one_of("plant.airframe.mass_factor", 1.05)],
-    )  # fmt: skip
-    with flying(file, "--out", tmp_path / "out", "--workers", "1") as command:
-        some_parts(tmp_path / "out")
-        below = children(command)
-        command.kill()
-        wait_until(lambda: gone(below))
-
-
-@pytest.mark.counts
 def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):
     out, limit = tmp_path / "out", (resource.RLIMIT_FSIZE, (FILE_LIMIT, FILE_LIMIT))
     options = {"preexec_fn": lambda: resource.setrlimit(*limit)}
@@ -375,53 +265,6 @@ def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed,
     ft.run_campaign(ours, out, scheduler=address, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
-
-
-@pytest.mark.counts
-def test_a_full_disk_is_one_line_and_what_is_there_stays(
-    tmp_path, file, ours, undisturbed, address
-):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(disk)]
-    if os.getuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("a small disk can only be made by root where mounting is allowed")
-    try:
-        with flying(file, "--out", disk / "out", "--scheduler", address) as command:
-            assert command.wait(timeout=240) == 2
-            assert "got no space left on device; what has been" in last_line(command)
-        there = rows_of(disk / "out")
-        assert 0 < len(there) < RUNS
-        assert set(bits(there)) <= set(undisturbed)
-
-        subprocess.run(["mount", "-o", "remount,size=10m", str(disk)], check=True)
-        ft.run_campaign(ours, disk / "out", scheduler=address, resume=True)
-
-        assert bits(rows_of(disk / "out")) == undisturbed
-    finally:
-        subprocess.run(["umount", "-l", str(disk)], check=True)
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("made", "says"),
-    first_or_all(
-        [
-            ("numpy-0.0.dist-info/METADATA", "a worker cannot fly for this campaign: numpy must"),
-            ("flighttune/__init__.py", "a worker has no `flighttune.campaigns`: install"),
-        ]
-    ),
-)
-def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
-    folder = tmp_path / "packages"
-    (folder / made).parent.mkdir(parents=True)
-    (folder / made).write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.0\n" * ("M" in made))
-
-    with (
-        dask_cluster(tmp_path, path=folder) as (unfit, _),
-        pytest.raises(ft.FlightTuneError, match=says),
-    ):
-        ft.run_campaign(ours, tmp_path / "out", scheduler=unfit)
 
 
 @pytest.mark.soak
@@ -468,27 +311,6 @@ def test_a_worker_of_a_cluster_that_is_lost_costs_no_run(
 
     assert len(lost) == 2
     assert done.crashed == 0
-    assert bits(rows_of(tmp_path / "out")) == undisturbed
-
-
-@pytest.mark.counts
-def test_processes_that_hang_are_replaced_and_cost_no_run(tmp_path, undisturbed, monkeypatch):
-    monkeypatch.setattr(flyer, "GRACE_S", 1.0)
-    ours = plan(tmp_path, runs=RUNS, top="time_limit_s = 5.0")
-    hanging = []
-
-    def stop(progress):
-        if progress.done and not hanging:
-            hanging.extend(flyers(psutil.Process()))
-            for process in hanging:
-                process.suspend()
-        return False
-
-    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(stop))
-
-    assert len(hanging) == WORKERS
-    assert gone(hanging)
-    assert done.statuses == {"completed": RUNS}
     assert bits(rows_of(tmp_path / "out")) == undisturbed
 
 

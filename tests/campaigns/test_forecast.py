@@ -487,32 +487,6 @@ def test_times_and_files_that_do_not_fit_are_refused(tmp_path, name, times, word
     assert str(tmp_path / name) in str(caught.value)
 
 
-@pytest.mark.soak
-def test_flights_of_a_mission_draw_their_wind_within_the_forecast(tmp_path):
-    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 100), waypoint(47.41, 8.5, 110))
-    file = written(tmp_path / "f.json", forecast(from_deg=355.0))
-    calm = ft.flights(plan)
-
-    flights = calm.in_wind(file)
-    drawn, before = (
-        [x.plan().with_runs(40).scenario_of(i).wind for i in range(40)] for x in (flights, calm)
-    )
-
-    assert max(x.speed_mps for x in before) <= 8.0 < min(x.speed_mps for x in drawn)
-    speeds, origins = ([getattr(x, key) for x in drawn] for key in ("speed_mps", "from_deg"))
-    # by hand: 100 to 110 m over ground, three hours, two members; all of the range is drawn
-    assert (min(speeds), max(speeds)) == pytest.approx((9.0, 13.5), abs=0.5)
-    assert (min(origins), max(origins)) == pytest.approx((355.0, 365.0), abs=1.0)
-    others = [
-        [x.key for x in of.campaign.disperse if not x.key.startswith("wind.")]
-        for of in (flights, calm)
-    ]
-    assert others[0] == others[1]
-    assert flights.campaign.nominal.turbulence == calm.campaign.nominal.turbulence
-    assert "f.json of 2026-11-29 00:00 to 2026-11-29 02:00 UTC" in flights.campaign.title
-    assert "9 to 13.5 m/s from 355 to 365 deg" in flights.campaign.nominal.route.notes[-1]
-
-
 CLIMBING = (47.4, 8.5, 100), (47.41, 8.5, 110), (47.41, 8.515, 105)
 """Latitude and longitude, deg, and height over the start, m, of a route with a turn."""
 
@@ -576,23 +550,6 @@ def test_a_forecast_is_looked_at_before_any_flight(tmp_path, options, words):
 
     for words_of_it in words:
         assert words_of_it in " ".join(said.split())
-
-
-@pytest.mark.soak
-def test_the_answer_and_the_claim_of_a_mission_name_the_wind_and_its_forecast(tmp_path):
-    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 80), waypoint(47.404, 8.5, 80))
-    file = written(tmp_path / "f.json", forecast(hours=2))
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
-
-    odds = ft.mission(plan, wind=f"{file}@2026-11-29T01:00", **few)
-
-    answer = odds.answer()
-    assert "in wind 9 to 11 m/s from 250 to 260 deg, light turbulence" in answer.summary[-1]
-    words = f"from {file}, 2026-11-29 01:00 UTC (2 members): 9 to 11 m/s from 250 to 260 deg."
-    assert any(line.endswith(words) for line in answer.changed)
-    assert "in the wind of f.json of 2026-11-29 01:00 UTC" in odds.band.sentence
-    with pytest.raises(ft.InputError, match="`wind` must be absent for a band"):
-        ft.mission(odds.band, wind=file)
 
 
 def test_a_scenario_without_drawn_flights_takes_no_forecast(tmp_path):

@@ -1,7 +1,5 @@
 """One command for a mission: its corridor, and the probability that it leaves its own fence."""
 
-import re
-
 import pytest
 from commands import answer, flighttune
 from plans import item, plan_file, waypoint
@@ -11,8 +9,6 @@ import flighttune as ft
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
 
-# Gains of flights that are made up: others are tuned at each airspeed.
-PAPER = {"gains": ["paper"], "law": ["paper"]}
 AT_ONCE = (*FEW, "--set", 'gains=["paper"]', "--set", 'law=["paper"]')
 
 
@@ -95,23 +91,3 @@ def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_pat
     source = mission(tmp_path / "m.plan") if more else "circuit_in_wind"
     with pytest.raises(ft.InputError, match=f"`until_sure` must be about a fence alone, got {got}"):
         ft.mission(source, until_sure=True, **more)
-
-
-@pytest.mark.soak
-def test_an_airspeed_at_which_lost_flights_complete_is_said_and_flies(tmp_path):
-    """At 16.5 m/s the aircraft stalls in turbulence."""
-    few = ["--epsilon", 0.3, "--confidence", 0.9, "--flights", 7]
-    few += ["--set", "route.waypoint=[{north_m=0.0, east_m=0.0}, {north_m=300.0, east_m=0.0}]"]
-    said, page = {}, tmp_path / "page.html"
-    for V, status in ((16.5, 1), (18.2, 0)):
-        files = ["--out", tmp_path / f"{V}.npz", *(["--page", page] if status else [])]
-        at = ["--set", f"flight.V_a_mps={V}", *few, *files]
-        said[V] = answer("mission", "circuit_in_wind", *at, status=status)
-
-    place = re.search(r"It was on the leg to waypoint 2, (\d+) m along\.", said[16.5]["summary"][1])
-    assert place is not None
-    assert 0 < int(place[1]) < 300  # m: on the leg
-    hint = "With `--set flight.V_a_mps=18.2` it completes."
-    assert said[16.5]["summary"][1].endswith(hint)
-    assert re.sub("`(.+)`", r"<code>\1</code>", hint) in page.read_text()
-    assert said[18.2]["summary"][0].startswith("Yes")

@@ -23,7 +23,6 @@ SEEN = ft.scenario_from(tables_of(gains=["paper"]))
 NUMBERS = ["sensors.chi_bias_deg", "sensors.gamma_bias_deg", "sensors.V_a_bias_mps"]
 SPEED = uniform("flight.V_a_mps", 24.0, 26.0)
 HEIGHT = {"key": "flight.h_m", "distribution": "normal", "mean": 500.0, "sd": 20.0}
-KEYS = ["flight.V_a_mps", "flight.h_m", "flight.phi_deg", "reference.chi_deg[0].rate_dps"]
 
 # Smallest p-value that a fixed seed may have.
 CHANCE = 1e-3
@@ -349,15 +348,6 @@ def test_gains_that_tuning_cannot_find_are_refused_before_any_flight():
         ft.FlightTuneError, match=r"`gains` must be feasible: tuning found no tuned"
     ):
         plan_of(SPEED, nominal=ft.scenario_from(tables), gains=["tuned"])
-
-
-@pytest.mark.soak
-def test_gains_that_a_process_keeps_are_those_of_a_search_of_its_own():
-    found = {I_star: ft.tune("paper", changes={"tuning.I_star": I_star}).gains for I_star in (5, 8)}
-
-    for I_star in (5, 8, 5):
-        plan = ft.flights("paper", changes={"tuning.I_star": I_star}).plan(gains="tuned")
-        assert plan.gain_sets["tuned"] == found[I_star]
 
 
 @pytest.mark.slow

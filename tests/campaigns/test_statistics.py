@@ -488,28 +488,5 @@ def test_a_campaign_of_which_no_row_is_there_has_no_report(flown, tmp_path):
         ft.report(tmp_path / "out")
 
 
-@pytest.mark.soak
-def test_shares_of_clusters_cover_as_often_as_they_claim(tmp_path):
-    """Flights of a point of the design succeed together, at a probability of 0.5."""
-    cells = {"key": "flight.h_m", "distribution": "grid", "values": [400.0, 450.0, 500.0, 550.0]}
-    ft.run_campaign(plan_of(short(), ROLL, cells, runs=4 * 4 * 30), tmp_path / "out")
-    rng, hits, plain = np.random.default_rng(6), 0, 0
-
-    def random(rows):
-        x = rng.normal(size=(4, 30))
-        group = rows.groupby(["plant", "gains"]).ngroup()
-        rows["success"] = x[group, rows["draw"] // 4] + 0.2 * rng.normal(size=len(rows)) > 0.0
-        return rows
-
-    for _ in range(6):
-        for group in values_of(tmp_path / "out", tmp_path, random)["groups"]:
-            hits += group["lo"] <= 0.5 <= group["hi"]
-            low, high = wilson(group["successes"], 120)
-            plain += low <= 0.5 <= high
-        shutil.rmtree(tmp_path / "changed")
-    assert hits >= 21
-    assert hits > plain
-
-
 def test_pandas_reads_the_rows_as_they_are(known, rows):
     assert pd.read_parquet(known / "runs").sort_values("run", ignore_index=True).equals(rows)

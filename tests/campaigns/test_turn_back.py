@@ -1,21 +1,8 @@
 """Room to turn back: flights that turn back at any place of a route, and the volumes around it."""
 
-import numpy as np
 import pytest
-from geographiclib.geodesic import Geodesic
-from plans import plan_file, waypoint
 
 import flighttune as ft
-
-
-@pytest.fixture(scope="module")
-def steep(tmp_path_factory):
-    """A leg down by 6 deg, on which the Aerosonde gets faster at a closed throttle."""
-    up = np.tan(np.deg2rad(6.0)) * 900.0
-    legs = [(0.0, up), (200.0, up), (1100.0, 0.0), (1300.0, 0.0)]
-    north = (Geodesic.WGS84.Direct(47.4, 8.5, 0.0, s)["lat2"] for s, _ in legs)
-    rows = [waypoint(lat, 8.5, 80.0 + h) for lat, (_, h) in zip(north, legs, strict=True)]
-    return plan_file(tmp_path_factory.mktemp("steep") / "down.plan", *rows)
 
 
 @pytest.mark.parametrize(
