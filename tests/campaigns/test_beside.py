@@ -1,20 +1,17 @@
 """Gains beside the guidance that a user flies now, on the same draws."""
 
 import math
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import flighttune
-from log_files import sampled, write_dataflash
 
 import flighttune as ft
 
 CORNERS = (0.0, 0.0), (100.0, 0.0), (150.0, 50.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
-LONG = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in ((0, 0), (500, 0), (700, 300))]}
 
 
 @pytest.fixture(scope="module")
@@ -85,35 +82,6 @@ def test_margins_are_those_of_a_frequency_response(comparison):
         np.degrees(phase[crossing]) + 180.0, abs=0.5
     )
     assert roll.gain_increase == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
-
-
-@pytest.mark.soak
-def test_a_log_lies_among_the_flights_or_not(file, tmp_path):
-    tables = ft.load_scenario("circuit", changes=LONG).as_dict()
-    law = {"name": "l1", "kind": "autopilot", "parameters": {"NAVL1_PERIOD": 14.0}}
-    flown = ft.fly(ft.scenario_from(tables | {"law": [law], "gains": ["paper"], "expect": []}))
-    run = next(run for run in flown.runs if run.status == "completed")
-    t, signals = sampled(run, noise=False, dropouts=False, late=False)
-    near = write_dataflash(tmp_path / "near.bin", t, signals)
-    off = {"cross_track": 0.0 * t + 50.0, "phi_cmd": 2.0 * signals["phi_cmd"]}
-    far = write_dataflash(tmp_path / "far.bin", t, signals | off)
-    for log, among in ((near, None), (far, "outside of")):
-        of_log = {**FEW, "changes": LONG, "log": str(log)}
-        answer = ft.compare("circuit_in_wind", autopilot=file, **of_log).answer()
-        cross, height, roll = answer.values["tracking"]
-        assert "not checked" not in answer.summary[3]
-        if among is None:
-            kept = np.quantile(np.abs(run.signals["height_err"]), 0.95)
-            assert height["log"] == pytest.approx(kept, abs=0.05)
-            kept = np.degrees(np.quantile(np.abs(run.signals["phi_cmd"]), 0.95))
-            assert roll["log"] == pytest.approx(kept, abs=0.5)
-            assert roll["low"] <= roll["log"] <= roll["high"]
-        else:
-            assert cross["log"] == pytest.approx(50.0)
-            assert roll["log"] > roll["high"]
-            (said,) = [note for note in answer.notes if among in note]
-            assert re.search(r"outside of [a-z ]+ in cross track", said)
-            assert "commanded roll, by the 95th percentile of the size" in said
 
 
 @pytest.mark.parametrize(

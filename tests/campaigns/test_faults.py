@@ -1,16 +1,10 @@
 """Faults that are made, not played: afterwards every run is there once, with the same bits."""
 
 import os
-import random
-import resource
 import signal
-import sys
 import time
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 
-import dispersed as flown
 import psutil
 import pytest
 from commands import answer
@@ -29,7 +23,6 @@ from flown_campaigns import (
     flying,
     gone,
     last_line,
-    parts,
     plan,
     some_parts,
     wait_until,
@@ -43,18 +36,6 @@ import flighttune as ft
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
 RUNS, WORKERS = 80, 2
-ENDINGS = [
-    *((who, signal.SIGKILL) for who in ("all", "command", "worker", "workers")),
-    *(("command", number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)),
-    ("command", signal.SIGQUIT),
-]
-"""Processes that are ended, and how."""
-
-ENDED = 80
-"""Campaigns that are ended at random."""
-
-FILE_LIMIT = 12_000
-"""Room for campaign.json, not for the rows of a draw, bytes."""
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +49,14 @@ def ours(file):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(ours):
+def undisturbed(ours, tmp_path_factory):
     """Rows as one process flies them."""
-    return bits(flown.rows_of(ours))
+    return alone(ours, tmp_path_factory.mktemp("alone"))
+
+
+def alone(plan, folder):
+    ft.run_campaign(plan, folder / "alone", workers=1)
+    return bits(rows_of(folder / "alone"))
 
 
 def rows_of(out):
@@ -100,7 +86,6 @@ def test_a_run_that_ends_its_process_is_one_row(
         disperse=[SPEED, one_of(mass, 1.0, 1.05) | {"weights": [0.9, 0.1]}],
     )  # fmt: skip
     (poison,) = (run for run in range(11) if ours.parameters()[mass][ours.draw_of(run)] > 1.0)
-    others = [run for run in range(11) if run != poison]
 
     done = ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
@@ -109,7 +94,8 @@ def test_a_run_that_ends_its_process_is_one_row(
     crashed = rows.take([poison]).to_pylist()[0]
     assert (crashed["status"], crashed["success"]) == (status, False)
     assert reason in crashed["reason"]
-    assert bits(rows.take(others)) == bits(flown.rows_of(ours.with_runs(poison)))[:poison]
+    if poison:
+        assert bits(rows.slice(0, poison)) == alone(ours.with_runs(poison), tmp_path)
     assert done.statuses == {"completed": 10, status: 1}
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 
@@ -203,68 +189,6 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
 
     assert bits(rows_of(out)) == undisturbed
     assert not (out / ".writing").exists()
-
-
-def as_in_a_terminal():
-    """Signals as they are in a terminal, whoever started the tests; no image of a crash."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for _, number in ENDINGS:
-        if number != signal.SIGKILL:
-            signal.signal(number, signal.SIG_DFL)
-
-
-@pytest.mark.counts
-def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed):
-    draw, seen = random.Random(26), Counter()
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
-    options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
-    for i in range(ENDED):
-        out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
-        with flying(file, "--out", out, "--workers", "2", **options) as command:
-            if draw.random() < 0.7:
-                wait_until(lambda o=out, c=command: parts(o) or c.poll() is not None)
-            time.sleep(draw.uniform(0.0, 2.0))
-            workers = flyers(command)
-            ended = {
-                "command": [command],
-                "worker": draw.sample(workers, min(1, len(workers))),
-                "workers": workers,
-                "all": [command, *workers],
-            }
-            for process in ended[who]:
-                with suppress(psutil.NoSuchProcess):
-                    process.send_signal(number)
-            status = command.wait(timeout=240)
-            wait_until(lambda workers=workers: gone(workers))
-        kept = len(rows_of(out)) if parts(out) else 0
-        seen[f"{who}, {number.name}: exit status {status}, {kept:3} rows kept"] += 1
-
-        with flying(file, "--out", out, "--workers", "1", "--resume", **options) as command:
-            assert command.wait(timeout=240) == 0, last_line(command)
-
-        assert bits(rows_of(out)) == undisturbed, (who, number)
-        there = {path.name for path in out.iterdir()}
-        assert there <= {"campaign.json", "campaign.lock", "runs", "signals"}
-        assert not list(scratch.iterdir())
-    for what, times in sorted(seen.items()):
-        sys.stdout.write(f"{what}: {times}\n")
-
-
-@pytest.mark.counts
-def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):
-    out, limit = tmp_path / "out", (resource.RLIMIT_FSIZE, (FILE_LIMIT, FILE_LIMIT))
-    options = {"preexec_fn": lambda: resource.setrlimit(*limit)}
-    with flying(file, "--out", out, "--scheduler", address, **options) as command:
-        assert command.wait(timeout=240) == 2
-        assert "must be writable, got file too large; what has been" in last_line(command)
-    there = {path.name for path in out.iterdir()}
-    assert there <= {"campaign.json", "campaign.lock", "runs", ".writing"}
-    assert not parts(out)
-
-    ft.run_campaign(ours, out, scheduler=address, resume=True)
-
-    assert bits(rows_of(out)) == undisturbed
 
 
 @pytest.mark.soak
