@@ -19,6 +19,8 @@ from dispersed import AEROSONDE, campaign_of, plan_of, rows_of, tables_of, unifo
 
 import flighttune as ft
 
+pytestmark = pytest.mark.slow
+
 RUNS = 12
 START = uniform("flight.chi_deg", 10.0, 30.0)
 SPEED = uniform("flight.V_a_mps", 24.0, 26.0)
@@ -227,7 +229,6 @@ def test_more_of_a_hypercube_is_refused_as_its_draws_depend_on_their_number(tmp_
         ft.run_campaign(cube.with_runs(RUNS + 1), tmp_path / "out", resume=True)
 
 
-@pytest.mark.slow
 def test_a_campaign_goes_on_with_the_tuned_gains_it_began_with_and_with_no_others(tmp_path):
     plan = plan_of(short(gains=["paper", "tuned"]), START, runs=8)
     out = tmp_path / "out"
@@ -317,7 +318,6 @@ def test_a_folder_of_another_or_that_cannot_be_written_is_one_line(tmp_path, pla
         ft.run_campaign(plan, tmp_path / "mine" / "runs" / "mine.parquet" / "out")
 
 
-@pytest.mark.slow
 def test_the_hash_in_a_report_sees_every_bit_but_the_time_flights_took(tmp_path, whole):
     table = ft.load(whole).rows()
     ITAE, success = (table.column(name)[3].as_py() for name in ("chi.ITAE", "success"))
@@ -370,7 +370,6 @@ def test_a_row_that_differs_from_its_flight_is_named_with_both_values(out):
         ft.refly(out, 40)
 
 
-@pytest.mark.slow
 def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path):
     keep = {"failures": 3, "worst": 2, "sample": 2, "worst_by": "gamma.ITAE"}
     bound = {"at_most": {"chi": {"peak_deg": 20.0}}}
@@ -410,7 +409,6 @@ def asking(share, runs=1000, **keys):
     return plan_of(short(), START, runs=runs, until_sure=share, success=[none], **keys)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "draws", "first"),
     # with n of n the integral of (2 (1 - q))^n, half at q = 0 and half over 0 to 0.5, is above 40

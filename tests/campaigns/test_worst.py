@@ -9,6 +9,8 @@ from scipy import stats
 
 import flighttune as ft
 
+pytestmark = pytest.mark.slow
+
 
 def turned(seconds, **flight):
     """A turn and a descent of the law, so far off at its start."""
@@ -29,7 +31,6 @@ def proven(tmp_path_factory):
     return proven, file
 
 
-@pytest.mark.slow
 def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     tube, _ = proven
     bounds = tube.bounds
@@ -232,7 +233,6 @@ def test_what_cannot_be_searched_is_refused_in_a_line(drawn, options, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.slow
 def test_flights_of_a_tube_stay_inside_and_tell_how_much_wider_it_is(proven):
     """The search reaches nearly all of a tube of 0.3 s, and never leaves it."""
     tube, file = proven
@@ -251,7 +251,6 @@ def test_flights_of_a_tube_stay_inside_and_tell_how_much_wider_it_is(proven):
     assert bounds.share(run.signals) == pytest.approx(worst.value, rel=1e-6)
 
 
-@pytest.mark.slow
 def test_a_band_is_searched_for_the_flight_nearest_to_its_edge(tmp_path):
     turn = ft.scenario_from(short())
     few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 29, "gains": "paper"}
