@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dispersed import plan_of, tables_of, uniform
+from made_up_tubes import tube as tube_of
+from made_up_tubes import tube_scenario
 from scipy import stats
 
 import flighttune as ft
@@ -12,20 +14,13 @@ import flighttune as ft
 pytestmark = pytest.mark.slow
 
 
-def turned(seconds, **flight):
-    """A turn and a descent of the law, so far off at its start."""
-    made = tables_of(gains=["paper"], reference={"chi_deg": 0.0, "gamma_deg": 15.0})
-    made["flight"] = {"V_a_mps": 25.0, "duration_s": seconds, **flight}
-    return ft.scenario_from(made)
-
-
-TURNED = turned(0.3, chi_deg=15.0, gamma_deg=5.0)
+TURNED = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
 
 
 @pytest.fixture(scope="module")
 def proven(tmp_path_factory):
     """A tube of 0.3 s of the law from a box of starts, disturbed, and its file."""
-    proven = ft.tube(TURNED, "paper", start=0.01, disturbance=0.02)
+    proven = tube_of(TURNED, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
     file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
     proven.save(file)
     return proven, file
@@ -67,7 +62,7 @@ def test_a_tube_without_bounds_has_no_worst(proven):
 
 
 def test_a_tube_of_one_flight_has_no_worst():
-    of_one = ft.tube(turned(0.1, chi_deg=5.0), "paper")
+    of_one = tube_of(tube_scenario(duration_s=0.1), ft.PAPER_GAINS, for_ever=False)
 
     with pytest.raises(ft.InputError, match="starts or a disturbance"):
         ft.worst(of_one, workers=1)
