@@ -1,13 +1,18 @@
-"""Plans of short flights for tests, without files: a scenario's tables and what is dispersed."""
+"""Plans of short flights, from a scenario's tables and what is dispersed, and their rows."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import tomlkit
 
 import flighttune as ft
-from flighttune.campaigns.planning.schema import CampaignTable
 
 SOFT = {"name": "soft", "K_P": [[0.8, 0.1], [-0.1, 0.9]], "K_I": [[0.4, 0.0], [0.0, 0.4]]}
 KINEMATIC = {"kind": "kinematic"}
 AEROSONDE = {"kind": "jsbsim", "aircraft": "aerosonde"}
 WIND = {"speed_mps": 6.0, "from_deg": 250.0}
 TURBULENCE = {"severity": 4, "wind_20ft_mps": 15.4}
+NOTHING_KEPT = {"failures": 0, "worst": 0, "sample": 0}
 
 
 def tables_of(plants=(KINEMATIC,), **tables):
@@ -29,11 +34,11 @@ def tables_of(plants=(KINEMATIC,), **tables):
 
 def campaign_of(nominal, *disperse, **keys):
     """A campaign on a scenario, with its gains where `keys` have none."""
-    given = {"title": "t", "scenario": "s", "runs": 24, **keys, "disperse": list(disperse)}
-    table = CampaignTable.model_validate(given)
-    if table.gains is not None:
-        nominal = nominal.model_copy(update={"gains": table.gains})
-    return ft.Campaign.of(table, nominal=nominal, central=nominal)
+    given = {"title": "t", "scenario": "s", "runs": 24, "keep": NOTHING_KEPT}
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "campaign.toml")
+        file.write_text(tomlkit.dumps({**given, **keys, "disperse": list(disperse)}), "utf-8")
+        return ft.load_campaign(file, nominal)
 
 
 def plan_of(tables, *disperse, seed=1, **keys):
@@ -41,11 +46,18 @@ def plan_of(tables, *disperse, seed=1, **keys):
     return ft.plan_campaign(campaign_of(ft.scenario_from(tables), *disperse, seed=seed, **keys))
 
 
-def uniform(key, lower, upper):
+def rows_of(plan):
+    """Rows of all runs of a plan as a table, without the time that flights took."""
+    with TemporaryDirectory() as folder:
+        ft.run_campaign(plan, f"{folder}/out", workers=1)
+        return ft.load(f"{folder}/out").rows().drop_columns(["wall_s"])
+
+
+def uniform(key, lower, upper, **keys):
     """A key drawn between two values."""
-    return {"key": key, "distribution": "uniform", "lower": lower, "upper": upper}
+    return {"key": key, "distribution": "uniform", "lower": lower, "upper": upper, **keys}
 
 
-def one_of(key, *values):
+def one_of(key, *values, **keys):
     """A key that is one of some values."""
-    return {"key": key, "distribution": "choice", "values": list(values)}
+    return {"key": key, "distribution": "choice", "values": list(values), **keys}

@@ -246,11 +246,6 @@ def parts(out):
     return sorted((Path(out) / "runs").glob("*.parquet"))
 
 
-def one_worker(**by):
-    """A pool of one worker, to be entered."""
-    return WorkerPool(Fliers(workers=1, **by))
-
-
 @contextmanager
 def flown_here(rows=rows_flown):
     """Fly in this process, without workers."""

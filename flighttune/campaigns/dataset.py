@@ -168,7 +168,12 @@ class Dataset:
         if not (tables := [self.read_part(part, columns) for part in self.parts]):
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
         compiled = sum((compiled_of(table) for table in tables), CompiledFlights())
-        return _counting(pa.concat_tables(tables), compiled)
+        try:
+            return _counting(pa.concat_tables(tables), compiled)
+        except pa.ArrowException as error:
+            raise RecordingError(
+                f"{self.folder}: files of runs must have the same columns, got {error}."
+            ) from error
 
     def keep_signals(
         self, fly: Callable[[Plan, Sequence[int]], Iterable[tuple[int, bytes]]]

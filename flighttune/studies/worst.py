@@ -255,6 +255,7 @@ def worst(
                 f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
             )
         searched_for = flights(stated, changes=changes).starting(start_deg).disturbed(disturbance)
+        place = f"{searched_for.place}: "
         plan, sizes = searched_for.plan(plant=plant, gains=gains), (disturbance, disturbance)
         searched_in = dict[str, Any](metric=metric, sizes=sizes, start_deg=start_deg)
     bounds = None if tube is None else tube.bounds.of(ERRORS)
@@ -263,8 +264,8 @@ def worst(
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     if not plan.keys:
         raise InputError(
-            f"{stated}: `disperse` must name a key to search; for a scenario give --start-deg or "
-            "--disturbance."
+            f"{place}`disperse` must name a key to search; for a "
+            "scenario give --start-deg or --disturbance."
         )
     with WorkerPool(fliers) as pool:
         searched = StatedSet(plan.of_group(group), pool, completed=completed, **searched_in)

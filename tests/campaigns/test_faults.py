@@ -1,20 +1,13 @@
 """Faults that are made, not played: afterwards every run is there once, with the same bits."""
 
-import itertools
 import os
-import random
-import resource
 import signal
-import subprocess
-import sys
 import time
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from textwrap import dedent
 
 import psutil
 import pytest
+from commands import answer
 from dispersed import one_of
 from flown_campaigns import (
     CIRCULAR,
@@ -30,37 +23,19 @@ from flown_campaigns import (
     flying,
     gone,
     last_line,
-    parts,
     plan,
     some_parts,
-    table_flown,
     wait_until,
     write_campaign,
 )
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.campaigns.engine import flyer, pool
-from flighttune.campaigns.engine.cluster import ClusterWorkers
-from flighttune.campaigns.engine.flyer import Flyer
-from tests.cli.test_code_of_files import LAW
 
 # real clusters, processes that are killed
 pytestmark = pytest.mark.slow
 
 RUNS, WORKERS = 80, 2
-ENDINGS = [
-    *((who, signal.SIGKILL) for who in ("all", "command", "worker", "workers")),
-    *(("command", number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)),
-    ("command", signal.SIGQUIT),
-]
-"""Processes that are ended, and how."""
-
-ENDED = 80
-"""Campaigns that are ended at random."""
-
-FILE_LIMIT = 12_000
-"""Room for campaign.json, not for the rows of a draw, bytes."""
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +49,14 @@ def ours(file):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(ours):
+def undisturbed(ours, tmp_path_factory):
     """Rows as one process flies them."""
-    return bits(table_flown(ours))
+    return alone(ours, tmp_path_factory.mktemp("alone"))
+
+
+def alone(plan, folder):
+    ft.run_campaign(plan, folder / "alone", workers=1)
+    return bits(rows_of(folder / "alone"))
 
 
 def rows_of(out):
@@ -106,7 +86,6 @@ def test_a_run_that_ends_its_process_is_one_row(
         disperse=[SPEED, one_of(mass, 1.0, 1.05) | {"weights": [0.9, 0.1]}],
     )  # fmt: skip
     (poison,) = (run for run in range(11) if ours.parameters()[mass][ours.draw_of(run)] > 1.0)
-    others = [run for run in range(11) if run != poison]
 
     done = ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
@@ -115,61 +94,10 @@ def test_a_run_that_ends_its_process_is_one_row(
     crashed = rows.take([poison]).to_pylist()[0]
     assert (crashed["status"], crashed["success"]) == (status, False)
     assert reason in crashed["reason"]
-    assert bits(rows.take(others)) == bits(table_flown(ours, others))
+    if poison:
+        assert bits(rows.slice(0, poison)) == alone(ours.with_runs(poison), tmp_path)
     assert done.statuses == {"completed": 10, status: 1}
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
-
-
-def with_own_law(scenario):
-    """Add a law of the user's to a scenario; its file."""
-    law = scenario.with_name("level.py")
-    law.write_text(dedent(LAW))
-    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Mine"\n'
-    scenario.write_text(scenario.read_text() + tables)
-    return law
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("added", "said"),
-    first_or_all([("# other", "must be the file that was planned"), (None, "must be a file")]),
-)
-def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
-    tmp_path, address, added, said
-):
-    file = write_campaign(tmp_path, runs=4, wind="")
-    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
-    ours = ft.plan_campaign(ft.load_campaign(file))
-    law.unlink()
-    if added:
-        law.write_text(dedent(LAW) + added)
-
-    with pytest.raises(ft.FlightTuneError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
-        ft.run_campaign(ours, tmp_path / "out", scheduler=address)
-
-    law.write_text(dedent(LAW))
-    assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
-
-
-@pytest.mark.counts
-def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
-    file = write_campaign(tmp_path, runs=RUNS, wind="")
-    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
-    ours = ft.plan_campaign(ft.load_campaign(file))
-
-    def change(progress):
-        if progress.done:
-            law.write_text(dedent(LAW) + "# other")
-        return False
-
-    with pytest.raises(ft.FlightTuneError, match=r"level: .* other contents now"):
-        ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
-
-    rows = rows_of(tmp_path / "out").to_pylist()
-    assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
-    law.write_text(dedent(LAW))
-    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
-    assert done.statuses["completed"] >= RUNS - WORKERS
 
 
 @pytest.mark.soak
@@ -223,31 +151,6 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("stopped", [1, 2])
-def test_a_process_that_is_stopped_before_it_answers_ends_in_time(
-    tmp_path, ours, undisturbed, monkeypatch, stopped
-):
-    """By a debugger, a freezer or a drive that hangs: it cannot end itself."""
-    monkeypatch.setattr(flyer, "PREPARE_S", 10.0 if stopped == 1 else 1.0)
-    seen = set()
-    with ThreadPoolExecutor(1) as thread:
-        running = thread.submit(ft.run_campaign, ours, tmp_path / "out", workers=1)
-        for _ in range(stopped):
-            (process,) = wait_until(lambda: {*flyers(psutil.Process())} - seen)
-            seen.add(process)
-            process.suspend()
-        if stopped == 1:  # a new process may take its time
-            wait_until(lambda: gone([process]))
-            monkeypatch.undo()
-        error = running.exception(180.0)
-    if stopped == 1:
-        assert error is None
-        assert bits(rows_of(tmp_path / "out")) == undisturbed
-    else:
-        assert "longer than `time_limit_s`" in str(error)
-
-
-@pytest.mark.soak
 def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes(tmp_path, ours):
     noted = Notes()
     with dask_cluster(tmp_path, workers=0) as (address, _), ThreadPoolExecutor(1) as thread:
@@ -263,18 +166,6 @@ def test_a_cluster_without_a_worker_is_told_and_the_flights_go_on_when_one_comes
     assert len(rows_of(tmp_path / "out")) == RUNS
     assert len(noted.heard) == 2
     assert "a worker is there" in noted.heard[1]
-
-
-def test_a_scheduler_without_workers_is_there_until_it_is_lost(tmp_path):
-    with dask_cluster(tmp_path, workers=0) as (address, scheduler):
-        workers = ClusterWorkers(address)
-        assert workers.threads() == 0
-        scheduler.kill()
-        wait_until(lambda: workers._client.status != "running")
-
-        with pytest.raises(ft.FlightTuneError, match="connection to the scheduler is lost"):
-            workers.threads()
-        workers.stop()
 
 
 @pytest.mark.counts
@@ -300,129 +191,6 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     assert not (out / ".writing").exists()
 
 
-def as_in_a_terminal():
-    """Signals as they are in a terminal, whoever started the tests; no image of a crash."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for _, number in ENDINGS:
-        if number != signal.SIGKILL:
-            signal.signal(number, signal.SIG_DFL)
-
-
-@pytest.mark.counts
-def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed):
-    draw, seen = random.Random(26), Counter()
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
-    options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
-    for i in range(ENDED):
-        out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
-        with flying(file, "--out", out, "--workers", "2", **options) as command:
-            if draw.random() < 0.7:
-                wait_until(lambda o=out, c=command: parts(o) or c.poll() is not None)
-            time.sleep(draw.uniform(0.0, 2.0))
-            workers = flyers(command)
-            ended = {
-                "command": [command],
-                "worker": draw.sample(workers, min(1, len(workers))),
-                "workers": workers,
-                "all": [command, *workers],
-            }
-            for process in ended[who]:
-                with suppress(psutil.NoSuchProcess):
-                    process.send_signal(number)
-            status = command.wait(timeout=240)
-            wait_until(lambda workers=workers: gone(workers))
-        kept = len(rows_of(out)) if parts(out) else 0
-        seen[f"{who}, {number.name}: exit status {status}, {kept:3} rows kept"] += 1
-
-        with flying(file, "--out", out, "--workers", "1", "--resume", **options) as command:
-            assert command.wait(timeout=240) == 0, last_line(command)
-
-        assert bits(rows_of(out)) == undisturbed, (who, number)
-        there = {path.name for path in out.iterdir()}
-        assert there <= {"campaign.json", "campaign.lock", "runs", "signals"}
-        assert not list(scratch.iterdir())
-    for what, times in sorted(seen.items()):
-        sys.stdout.write(f"{what}: {times}\n")
-
-
-@pytest.mark.counts
-def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
-    file = write_campaign(
-        tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
-        aircraft=(aircraft_with(tmp_path / "aircraft", DOUBLING),),
-        disperse=[SPEED, one_of("plant.airframe.mass_factor", 1.05)],
-    )  # fmt: skip
-    with flying(file, "--out", tmp_path / "out", "--workers", "1") as command:
-        some_parts(tmp_path / "out")
-        below = children(command)
-        command.kill()
-        wait_until(lambda: gone(below))
-
-
-@pytest.mark.counts
-def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):
-    out, limit = tmp_path / "out", (resource.RLIMIT_FSIZE, (FILE_LIMIT, FILE_LIMIT))
-    options = {"preexec_fn": lambda: resource.setrlimit(*limit)}
-    with flying(file, "--out", out, "--scheduler", address, **options) as command:
-        assert command.wait(timeout=240) == 2
-        assert "must be writable, got file too large; what has been" in last_line(command)
-    there = {path.name for path in out.iterdir()}
-    assert there <= {"campaign.json", "campaign.lock", "runs", ".writing"}
-    assert not parts(out)
-
-    ft.run_campaign(ours, out, scheduler=address, resume=True)
-
-    assert bits(rows_of(out)) == undisturbed
-
-
-@pytest.mark.counts
-def test_a_full_disk_is_one_line_and_what_is_there_stays(
-    tmp_path, file, ours, undisturbed, address
-):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(disk)]
-    if os.getuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("a small disk can only be made by root where mounting is allowed")
-    try:
-        with flying(file, "--out", disk / "out", "--scheduler", address) as command:
-            assert command.wait(timeout=240) == 2
-            assert "got no space left on device; what has been" in last_line(command)
-        there = rows_of(disk / "out")
-        assert 0 < len(there) < RUNS
-        assert set(bits(there)) <= set(undisturbed)
-
-        subprocess.run(["mount", "-o", "remount,size=10m", str(disk)], check=True)
-        ft.run_campaign(ours, disk / "out", scheduler=address, resume=True)
-
-        assert bits(rows_of(disk / "out")) == undisturbed
-    finally:
-        subprocess.run(["umount", "-l", str(disk)], check=True)
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("made", "says"),
-    first_or_all(
-        [
-            ("numpy-0.0.dist-info/METADATA", "a worker cannot fly for this campaign: numpy must"),
-            ("flighttune/__init__.py", "a worker has no `flighttune.campaigns`: install"),
-        ]
-    ),
-)
-def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
-    folder = tmp_path / "packages"
-    (folder / made).parent.mkdir(parents=True)
-    (folder / made).write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.0\n" * ("M" in made))
-
-    with (
-        dask_cluster(tmp_path, path=folder) as (unfit, _),
-        pytest.raises(ft.FlightTuneError, match=says),
-    ):
-        ft.run_campaign(ours, tmp_path / "out", scheduler=unfit)
-
-
 @pytest.mark.soak
 @pytest.mark.parametrize(
     ("functions", "said"),
@@ -439,22 +207,6 @@ def test_an_aircraft_whose_undispersed_flight_does_not_end_is_one_line(tmp_path,
     with pytest.raises(ft.FlightTuneError, match=f"undispersed flights .*{said}"):
         ft.run_campaign(ours, tmp_path / "out", workers=1)
     assert time.monotonic() - began < 120.0  # 11 s and two starts of a process; was twice 120 s
-
-
-@pytest.mark.counts
-def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp_path, monkeypatch):
-    ours = plan(tmp_path, runs=4, law=False)
-    calls, receive = itertools.count(), Flyer._receive
-
-    def kills(flyer, *limit):
-        if next(calls) in (1, 2):  # the first waits for a run, the second for a new process
-            flyer._process.kill()
-        return receive(flyer, *limit)
-
-    monkeypatch.setattr(Flyer, "_receive", kills)
-    ft.run_campaign(ours, tmp_path / "out", workers=1)
-
-    assert Counter(ft.load(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
 
 
 @pytest.mark.counts
@@ -486,27 +238,6 @@ def test_a_worker_of_a_cluster_that_is_lost_costs_no_run(
     assert bits(rows_of(tmp_path / "out")) == undisturbed
 
 
-@pytest.mark.counts
-def test_processes_that_hang_are_replaced_and_cost_no_run(tmp_path, undisturbed, monkeypatch):
-    monkeypatch.setattr(flyer, "GRACE_S", 1.0)
-    ours = plan(tmp_path, runs=RUNS, top="time_limit_s = 5.0")
-    hanging = []
-
-    def stop(progress):
-        if progress.done and not hanging:
-            hanging.extend(flyers(psutil.Process()))
-            for process in hanging:
-                process.suspend()
-        return False
-
-    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(stop))
-
-    assert len(hanging) == WORKERS
-    assert gone(hanging)
-    assert done.statuses == {"completed": RUNS}
-    assert bits(rows_of(tmp_path / "out")) == undisturbed
-
-
 @pytest.mark.soak
 def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
     aircraft = aircraft_with(tmp_path / "aircraft", "")
@@ -518,25 +249,99 @@ def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
 
-def test_processes_that_are_ready_fly_for_the_next_pool():
-    flyer.get_ready(1)
-    (ready,) = flyer._READY
-    workers = pool.Threads(1)
+# Flights of 14 s on the lags of an aircraft, in any wind.
+LAGS = """
+title = "bend"
+gains = ["paper"]
+flight = { V_a_mps = 25.0, duration_s = 14.0, h_m = 500.0 }
+controller = { rate_hz = 10.0, feed_forward = true }
+plant = [{ kind = "point_mass_lag", identified = "aerosonde" }]
+[limits]
+phi_deg = [-42.0, 47.0]
+phi_rate_dps = 55.0
+n_z = [-1.8, 2.1]
+n_z_rate_per_s = 2.0
+[[route.waypoint]]
+north_m = 0.0
+east_m = 0.0
+[[route.waypoint]]
+north_m = 100.0
+east_m = 0.0
+[[route.waypoint]]
+north_m = 200.0
+east_m = 80.0
+"""
+DRAWN = """
+title = "drawn"
+scenario = "bend"
+runs = 12
+[[disperse]]
+key = "wind.speed_mps"
+distribution = "uniform"
+lower = 0.0
+upper = 3.0
+[[disperse]]
+key = "wind.from_deg"
+distribution = "uniform"
+lower = 0.0
+upper = 359.0
+[keep]
+failures = 0
+worst = 0
+sample = 0
+"""
+STEP = """
+title = "step"
+gains = ["paper"]
+flight = { V_a_mps = 25.0, chi_deg = 20.0, duration_s = 8.0 }
+reference = { chi_deg = 0.0, gamma_deg = 0.0 }
+controller = { feed_forward = true }
+plant = [{ kind = "point_mass_lag", identified = "aerosonde" }]
+expect = [{ at_most.chi.MO_deg = 0.5 }, { at_most.chi.settling_s = 1.0 }]
+[limits]
+phi_deg = [-45.0, 45.0]
+phi_rate_dps = 60.0
+n_z = [-1.0, 2.5]
+n_z_rate_per_s = 2.0
+"""
+# Commands that keep what they have flown, what goes on with it, and where it is.
+KEEPING = {
+    "campaign": ("campaign drawn.toml --out out", "--resume", "out/runs/*"),
+    "compare": ("compare drawn.toml --with plane.params --flights 8", "", "runs/*unfinished*"),
+    "meet": ("meet step.toml --start paper --budget 30", "", "runs/*unfinished*"),
+    "meet --with": ("meet drawn.toml --with plane.params --flights 2 --budget 118", "",
+                    "runs/*unfinished*"),
+}  # fmt: skip
+OF_TIME = {"wall_s", "rate_per_s", "flown", "dataset", "compiled", "notes"}
 
-    assert workers._flyers == [ready]
-    assert flyer.take_ready() is None
-    workers.stop()
 
+@pytest.mark.soak
+@pytest.mark.parametrize("number", first_or_all([signal.SIGKILL, signal.SIGTERM, signal.SIGINT]))
+@pytest.mark.parametrize("verb", KEEPING)
+def test_a_command_that_is_ended_goes_on_to_the_same_answer(tmp_path, verb, number):
+    words, more, kept = KEEPING[verb]
+    command = [*words.split(), "--workers", "1"]
+    folders = [tmp_path / name for name in ("whole", "ended")]
+    for folder in folders:
+        folder.mkdir()
+        for name, text in (("bend.toml", LAGS), ("drawn.toml", DRAWN), ("step.toml", STEP)):
+            (folder / name).write_text(text)
+        (folder / "plane.params").write_text("# Version: 1.14.0\n1\t1\tNPFG_PERIOD\t60\t9\n")
+    with flying(command=command, cwd=folders[1]) as process:
+        wait_until(lambda: [x for x in folders[1].glob(kept) if x.stat().st_size > 2000])
+        process.send_signal(number)
+        assert process.wait(timeout=240) != 0
+    there = [x.stat().st_size for x in folders[1].glob(kept)]
 
-def test_processes_that_were_ready_end_with_a_command_that_flies_nothing():
-    program = (
-        "from flighttune.campaigns.engine import flyer\n"
-        "flyer.get_ready(1)\n"
-        "print(flyer._READY[0]._process.pid)"
-    )
-    ended = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    resumed = answer(*command, *more.split(), cwd=folders[1], status=None)
 
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(ended.stdout), 0)
+    whole = answer(*command, cwd=folders[0], status=None)
+    assert there
+    assert {k: x for k, x in resumed.items() if k not in OF_TIME} == {
+        k: x for k, x in whole.items() if k not in OF_TIME
+    }
+    if verb == "campaign":
+        assert resumed["flown"] < whole["flown"] == resumed["runs"]
+        assert bits(rows_of(folders[1] / "out")) == bits(rows_of(folders[0] / "out"))
+    else:
+        assert not [*folders[1].glob(kept)]

@@ -6,7 +6,9 @@ The format: https://open-meteo.com/en/docs and https://open-meteo.com/en/docs/en
 import json
 import math
 from contextlib import suppress
+from functools import cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,12 +17,38 @@ from plans import plan_file, waypoint
 from scipy.io import netcdf_file
 
 import flighttune as ft
-from flighttune.campaigns.planning.forecast import load_forecast, outwards, sector, spread_of
-
-START = 47.4, 8.5
 
 # m/s and deg: the spread is rounded outwards to these
 SPEED, DIRECTION = 0.1, 1.0
+
+GROUND = 480.0
+
+
+class Spread(NamedTuple):
+    speed_mps: tuple
+    from_deg: tuple
+    words: str
+
+
+@cache
+def route_over(low, high):
+    """A route in drawn wind between two heights over the ground, at 47.4, 8.5."""
+    legs = [{"north_m": 900.0 * i, "east_m": 0.0, "up_m": i * (high - low)} for i in (0, 1)]
+    place = {"route.lat_deg": 47.4, "route.lon_deg": 8.5, "route.waypoint": legs}
+    level = {"flight.h_m": GROUND + low, "flight.ground_m": GROUND}
+    return ft.flights("circuit_in_wind", changes=place | level)
+
+
+def spread_of(source, over_ground=(100.0, 100.0)):
+    """The range of the drawn wind, and what the notes of the route say of it."""
+    campaign = route_over(*over_ground).in_wind(source, plans=False).campaign
+    drawn = {x.key: x for x in campaign.disperse if x.key.startswith("wind.")}
+    wind, ranges = campaign.nominal.wind, []
+    for key in ("speed_mps", "from_deg"):
+        low = getattr(wind, key)
+        ranges.append((low, drawn[f"wind.{key}"].upper if f"wind.{key}" in drawn else low))
+        assert f"wind.{key}" not in drawn or drawn[f"wind.{key}"].lower == low
+    return Spread(*ranges, campaign.nominal.route.notes[-1])
 
 
 def column(kind, level, member):
@@ -63,67 +91,6 @@ def as_csv(tables):
     )
 
 
-@pytest.mark.parametrize(
-    ("over_ground", "times", "speeds"),
-    [
-        ((100.0, 100.0), "", (9.0, 13.0)),  # 4 + 5 to 4 + 2 + 2 + 5
-        ((80.0, 120.0), "", (8.0, 14.0)),
-        ((20.0, 80.0), "", (8.0, 12.0)),  # below the lowest level as at it
-        ((100.0, 100.0), "@2026-11-29T01:00", (10.0, 12.0)),
-        ((100.0, 100.0), "@2026-11-29T00:10/2026-11-29T00:50", (9.0, 12.0)),
-        ((100.0, 100.0), "@2026-11-29T03:00+02:00", (10.0, 12.0)),
-    ],
-)
-def test_the_spread_is_over_members_heights_and_times(tmp_path, over_ground, times, speeds):
-    file = written(tmp_path / "f.json", forecast())
-
-    spread = spread_of(f"{file}{times}", START, over_ground)
-
-    assert spread.speed_mps == pytest.approx(speeds, abs=SPEED)
-    assert spread.speed_mps[0] <= speeds[0] + 1e-9
-    assert spread.speed_mps[1] >= speeds[1] - 1e-9
-    assert spread.from_deg == pytest.approx((250.0, 260.0), abs=DIRECTION)
-
-
-def test_a_level_that_does_not_matter_may_lack_values(tmp_path):
-    tables = forecast()
-    tables["hourly"]["wind_speed_80m"] = [None] * 3
-    file = written(tmp_path / "f.json", tables)
-
-    assert spread_of(file, START, (120.0, 120.0)).speed_mps == pytest.approx((10.0, 14.0))
-    with pytest.raises(ft.InputError, match="must be numbers, got null"):
-        spread_of(file, START, (110.0, 120.0))
-
-
-@pytest.mark.parametrize(
-    ("unit", "per_unit"),
-    [("km/h", 1.0 / 3.6), ("mp/h", 1609.344 / 3600.0), ("kn", 1852.0 / 3600.0)],
-)
-def test_units_and_csv_give_the_same_wind(tmp_path, unit, per_unit):
-    tables = forecast(unit=unit, per_unit=per_unit)
-    file = tmp_path / "f.csv"
-    file.write_text(as_csv(tables))
-    metric = load_forecast(written(tmp_path / "m.json", forecast()))
-
-    for other in (load_forecast(file), load_forecast(written(tmp_path / "f.json", tables))):
-        assert other.wind == pytest.approx(metric.wind)
-        assert [*other.times] == [*metric.times]
-    # from the west-southwest it blows to the east-northeast
-    north, east = metric.wind[0, 0, 0]
-    assert (north, east) == pytest.approx(
-        (8.0 * math.cos(math.radians(70.0)), 8.0 * math.sin(math.radians(70.0)))
-    )
-
-
-def test_unix_times_and_the_clock_of_a_place_are_the_same_hours(tmp_path):
-    local, unix = forecast(), forecast()
-    local["utc_offset_seconds"] = 3600
-    unix["hourly"]["time"] = [1795906800 + 3600 * i for i in range(3)]  # 2026-11-28 23:00 UTC
-
-    times = [load_forecast(written(tmp_path / "f.json", x)).times for x in (local, unix)]
-    assert times[0] == times[1]
-
-
 ELEVATION = 480.0
 
 
@@ -141,41 +108,26 @@ def at_pressures(members=2):
     return {**tables, "hourly": hourly, "hourly_units": units}
 
 
-@pytest.mark.parametrize("as_written", [json.dumps, as_csv])
-def test_pressure_levels_are_as_high_as_their_geopotential_over_the_ground(tmp_path, as_written):
-    suffix = "json" if as_written is json.dumps else "csv"
-    by_height, by_pressure = tmp_path / f"h.{suffix}", tmp_path / f"p.{suffix}"
-    by_height.write_text(as_written(forecast()))
-    by_pressure.write_text(as_written(at_pressures()))
-    for heights in ((100.0, 100.0), (60.0, 120.0)):
-        one, other = (spread_of(x, START, heights) for x in (by_height, by_pressure))
-        assert one[:2] == other[:2]
-
-
-def test_a_pressure_that_is_lower_at_an_hour_has_its_wind_there(tmp_path):
-    tables = at_pressures(members=1)
-    tables["hourly"]["geopotential_height_990hPa"] = [ELEVATION + up for up in (80.0, 60.0, 80.0)]
-    file = written(tmp_path / "f.json", tables)
-    least, _ = spread_of(f"{file}@2026-11-29T01:00", START, (80.0, 80.0)).speed_mps
-    # By hand: 9 m/s at 60 m and 11 m/s at 120 m.
-    assert least == pytest.approx(9.0 + 2.0 * 20.0 / 60.0, abs=SPEED)
-
-
-def netcdf(path, change=lambda file: None, unit="hours since 2026-11-29 00:00:00.0"):
+def netcdf(
+    path, change=lambda file: None, unit="hours since 2026-11-29 00:00:00.0", every=1,
+    number="number", order=(0, 1, 2, 3), version=1,
+):  # fmt: skip
     """The members of `forecast` at 80 and 120 m in a file of SciPy's, packed as ERA5 packs them.
 
-    At the grid points that are not next to `START` the wind is 30 m/s.
+    At the grid points that are not next to the route the wind is 30 m/s.
     """
-    with netcdf_file(path, "w") as file:
+    with netcdf_file(path, "w", version=version) as file:
         for name, values in (
-            ("time", [0, 1, 2]), ("number", [0, 1]),
+            ("time", [0, every, 2 * every]), (number, [0, 1]),
             ("latitude", [47.75, 47.5, 47.25]), ("longitude", [8.25, 8.5, 8.75, 9.0]),
         ):  # fmt: skip
             file.createDimension(name, None if name == "time" else len(values))
             file.createVariable(name, "i" if name == "time" else "d", (name,))[:] = values
         file.variables["time"].units = unit
         for level, part in product((80, 120), "uv"):
-            wind = file.createVariable(f"{part}{level}", "h", tuple(file.dimensions))
+            wind = file.createVariable(
+                f"{part}{level}", "h", [[*file.dimensions][i] for i in order]
+            )
             wind.units, wind.scale_factor, wind.add_offset = "m s**-1", 0.002, 1.0
             for hour, member in product(range(3), range(2)):
                 speed = 4.0 + hour + 2.0 * member + 0.05 * level
@@ -183,28 +135,168 @@ def netcdf(path, change=lambda file: None, unit="hours since 2026-11-29 00:00:00
                 here = speed * (math.sin(blows) if part == "u" else math.cos(blows))
                 packed = np.full((3, 4), 30.0)
                 packed[1, 1] = here
-                wind[hour, member] = np.round((packed - 1.0) / 0.002).astype("h")
+                at = [hour, member, slice(None), slice(None)]
+                wind[tuple(at[i] for i in order)] = np.round((packed - 1.0) / 0.002)
         change(file)
     return path
 
 
+def at_noon(hour):
+    return f"2026-11-29T{hour:02d}:00"
+
+
+UNIX = [1795910400 + 3600 * i for i in range(3)]  # 2026-11-29 00:00 UTC
+CLOCK = [f"2026-11-29T{hour:02d}:00+05:00" for hour in (5, 6, 7)]
+PER_UNIT = {"km/h": 1.0 / 3.6, "mp/h": 1609.344 / 3600.0, "kn": 1852.0 / 3600.0}
+
+
 @pytest.mark.parametrize(
-    "unit", ["hours since 2026-11-29 00:00:00.0", "hours since 2026-11-29T01:00+01:00"]
+    ("over_ground", "times", "speeds"),
+    [
+        ((100.0, 100.0), "", (9.0, 13.0)),  # 4 + 5 to 4 + 2 + 2 + 5
+        ((80.0, 120.0), "", (8.0, 14.0)),
+        ((80.0, 105.0), "", (8.0, 13.25)),
+        ((20.0, 80.0), "", (8.0, 12.0)),  # below the lowest level as at it
+        ((100.0, 100.0), "@2026-11-29T01:00", (10.0, 12.0)),
+        ((100.0, 100.0), "@2026-11-29T00:10/2026-11-29T00:50", (9.0, 12.0)),
+        ((100.0, 100.0), "@2026-11-29T01:00/2026-11-29T02:00", (10.0, 13.0)),
+        ((100.0, 100.0), "@2026-11-29T03:00+02:00", (10.0, 12.0)),
+    ],
 )
-def test_netcdf_has_the_wind_of_the_grid_point_next_to_the_mission(tmp_path, unit):
-    file = netcdf(tmp_path / "f.nc", unit=unit)
+def test_the_spread_is_over_members_heights_and_times(tmp_path, over_ground, times, speeds):
+    file = written(tmp_path / "f.json", forecast())
 
-    found, expected = load_forecast(file, START), load_forecast(written_forecast(tmp_path), START)
+    spread = spread_of(f"{file}{times}", over_ground)
 
-    assert found.place == (47.5, 8.5)
-    assert [*found.times] == [*expected.times]
-    assert found.levels == pytest.approx(expected.levels)
-    assert found.wind == pytest.approx(expected.wind, abs=0.002)  # as packed
-    assert found.kind == "2 members"
+    assert spread.speed_mps == pytest.approx(speeds, abs=SPEED)
+    assert spread.speed_mps[0] <= speeds[0] + 1e-9
+    assert spread.speed_mps[1] >= speeds[1] - 1e-9
+    assert spread.from_deg == pytest.approx((250.0, 260.0), abs=DIRECTION)
+    assert "2 members" in spread.words
+    low, high = spread.speed_mps
+    assert f"{low:g} to {high:g} m/s from 250 to 260 deg" in spread.words
 
 
-def written_forecast(folder):
-    return written(folder / "f.json", forecast())
+def with_models():
+    both = {"hourly": {"time": forecast()["hourly"]["time"]}, "hourly_units": {"time": "iso8601"}}
+    for model, tables in (("icon_d2", forecast()), ("gfs_seamless", forecast(from_deg=300.0))):
+        for table in both:
+            both[table] |= {f"{x}_{model}": y for x, y in tables[table].items() if x != "time"}
+    for name in [x for x in both["hourly"] if x.endswith("icon_d2")]:
+        nowhere = name.replace("icon_d2", "nowhere")
+        both["hourly"][nowhere] = [None] * 3
+        both["hourly_units"][nowhere] = both["hourly_units"][name]
+    return forecast() | both
+
+
+def timed(times, **more):
+    tables = forecast() | more
+    tables["hourly"]["time"] = times
+    return tables
+
+
+SAME = {
+    **{f"CSV in {unit}": as_csv(forecast(unit=unit, per_unit=x)) for unit, x in PER_UNIT.items()},
+    **{f"JSON in {unit}": forecast(unit=unit, per_unit=x) for unit, x in PER_UNIT.items()},
+    "Unix times": timed(UNIX),
+    "an offset": timed(CLOCK),
+    "quarters": {k.replace("hourly", "minutely_15"): x for k, x in forecast().items()},
+    "pressures": at_pressures(),
+    "pressures as CSV": as_csv(at_pressures()),
+    "NetCDF": netcdf,
+    "NetCDF from another zone": lambda x: netcdf(x, unit="hours since 2026-11-29T01:00+01:00"),
+    "NetCDF by the minute": lambda x: netcdf(x, unit="minutes since 2026-11-29 00:00", every=60),
+    "NetCDF without an ensemble's second name": lambda x: netcdf(x, number="realization"),
+    "NetCDF in another order": lambda x: netcdf(x, order=(0, 2, 3, 1)),
+    "NetCDF of 64 bits": lambda x: netcdf(x, version=2),
+}
+
+
+@pytest.mark.parametrize("form", SAME)
+@pytest.mark.parametrize("over_ground", [(100.0, 100.0), (60.0, 120.0)])
+def test_one_wind_in_every_form_is_drawn_from_alike(tmp_path, form, over_ground):
+    made, plain = SAME[form], written(tmp_path / "plain.json", forecast())
+    suffix = "nc" if "NetCDF" in form else "csv" if isinstance(made, str) else "json"
+    file = tmp_path / f"f.{suffix}"
+    if suffix == "nc":
+        made(file)
+    else:
+        file.write_text(made if suffix == "csv" else json.dumps(made))
+
+    for during in ("", "@2026-11-29T01:00"):
+        one, other = (spread_of(f"{x}{during}", over_ground) for x in (plain, file))
+        tolerance = 0.11 if suffix == "nc" else 0.0  # as packed
+        for at in (0, 1):
+            assert other[at] == pytest.approx(one[at], abs=tolerance * 10.0**at)
+        assert "2 members" in other.words
+
+
+def test_a_clock_ahead_of_utc_is_that_of_the_times_without_an_offset(tmp_path):
+    file = written(
+        tmp_path / "f.json", timed([at_noon(x) for x in (6, 7, 8)], utc_offset_seconds=3600)
+    )
+
+    assert spread_of(f"{file}@2026-11-29T07:00").speed_mps == pytest.approx((10.0, 12.0))
+    assert spread_of(f"{file}@2026-11-29T06:00+00:00").speed_mps == pytest.approx((10.0, 12.0))
+    assert "2026-11-29 07:00 UTC+0100" in spread_of(f"{file}@2026-11-29T07:00").words
+
+
+def test_models_in_one_answer_are_drawn_from_like_each_alone(tmp_path):
+    """As with ``models=icon_d2,gfs_seamless``; a third has no values here, which is null."""
+    both = spread_of(written(tmp_path / "f.json", with_models()))
+
+    assert both.speed_mps == pytest.approx((9.0, 13.0))
+    assert both.from_deg == (250.0, 310.0)
+    assert "2 models, 4 members" in both.words
+
+
+@pytest.mark.parametrize(
+    ("origins", "ends"),
+    [
+        ((350.0, 10.5, 5.0), (350.0, 371.0)),
+        ((90.0, 90.0, 90.0), (90.0, 90.0)),
+        ((0.0, 100.0, 200.0, 300.0), (100.0, 360.0)),
+        ((0.4, 90.2), (0.0, 91.0)),
+        (np.arange(0.0, 360.0, 9.5), (0.0, 360.0)),
+        ((270.0, 90.0, 359.9), (270.0, 450.0)),
+    ],
+)
+def test_directions_are_the_smallest_sector_with_all_of_them(tmp_path, origins, ends):
+    tables = forecast(levels=(100,), members=1, hours=len(origins))
+    tables["hourly"]["time"] = [UNIX[0] + 3600 * i for i in range(len(origins))]
+    tables["hourly"]["wind_direction_100m"] = [*map(float, origins)]
+
+    assert spread_of(written(tmp_path / "f.json", tables)).from_deg == ends
+
+
+@pytest.mark.parametrize(
+    ("speeds", "ends"), [((3.21, 7.39), (3.2, 7.4)), ((4.0 - 1e-9, 8.0 + 1e-9), (4.0, 8.0))]
+)
+def test_speeds_are_rounded_outwards_but_for_the_rounding_of_a_product(tmp_path, speeds, ends):
+    tables = forecast(levels=(100,), members=1, hours=2)
+    tables["hourly"]["wind_speed_100m"] = [*speeds]
+
+    assert spread_of(written(tmp_path / "f.json", tables)).speed_mps == ends
+
+
+def test_a_level_that_does_not_matter_may_lack_values(tmp_path):
+    tables = forecast()
+    tables["hourly"]["wind_speed_80m"] = [None] * 3
+    file = written(tmp_path / "f.json", tables)
+
+    assert spread_of(file, (120.0, 120.0)).speed_mps == pytest.approx((10.0, 14.0))
+    with pytest.raises(ft.InputError, match="must be numbers, got null"):
+        spread_of(file, (110.0, 120.0))
+
+
+def test_a_pressure_that_is_lower_at_an_hour_has_its_wind_there(tmp_path):
+    tables = at_pressures(members=1)
+    tables["hourly"]["geopotential_height_990hPa"] = [ELEVATION + up for up in (80.0, 60.0, 80.0)]
+    file = written(tmp_path / "f.json", tables)
+
+    least, _ = spread_of(f"{file}@2026-11-29T01:00", (80.0, 80.0)).speed_mps
+    # By hand: 9 m/s at 60 m and 11 m/s at 120 m.
+    assert least == pytest.approx(9.0 + 2.0 * 20.0 / 60.0, abs=SPEED)
 
 
 def without(name):
@@ -213,46 +305,6 @@ def without(name):
 
 def with_unit(name, unit):
     return lambda file: setattr(file.variables[name], "units", unit)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (without("v80"), "must have `v80` with `u80`, got none"),
-        (without("latitude"), "`latitude` must be an axis of numbers, got none"),
-        (with_unit("u80", "knots"), "`u80` must be in m s-1, got 'knots'"),
-        (with_unit("time", "hours"), "`time` must be in hours since 2026-11-29 00:00 or alike"),
-        (with_unit("time", "days since noon"), "`time` must be in hours since"),
-    ],
-)
-def test_bad_netcdf_is_refused_in_a_line_that_names_the_file(tmp_path, change, words):
-    file = netcdf(tmp_path / "f.nc", change)
-    with pytest.raises(ft.InputError) as caught:
-        load_forecast(file, START)
-    said = str(caught.value)
-    assert said.startswith(f"{file}: ")
-    assert words in said
-    assert "\n" not in said
-
-
-def test_netcdf_4_is_refused_with_the_cure_and_a_damaged_file_in_a_line(tmp_path):
-    file = tmp_path / "f.nc"
-    file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
-    with pytest.raises(
-        ft.InputError, match=r"f.nc: .* got NetCDF 4: `nccopy -k classic f.nc OUT.nc`"
-    ):
-        load_forecast(file)
-    whole = netcdf(file).read_bytes()
-    file.write_bytes(whole[:900])
-    with pytest.raises(ft.InputError, match=r"f.nc: must be a whole file of NetCDF classic"):
-        load_forecast(file)
-    rng = np.random.default_rng(1)
-    for _ in range(60):  # another byte in its header, and another end
-        bad = bytearray(whole[: rng.integers(4, len(whole))])
-        bad[rng.integers(0, min(len(bad), 900))] = rng.integers(0, 256)
-        file.write_bytes(bad)
-        with suppress(ft.InputError):
-            load_forecast(file, START)
 
 
 def mean_and(spreads, from_deg=250.0, speed=8.0):
@@ -280,69 +332,10 @@ S_SPREAD, D_SPREAD = "wind_speed_100m_spread", "wind_direction_100m_spread"
     ],
 )
 def test_a_mean_wind_is_drawn_from_two_spreads_to_each_side(tmp_path, spreads, speeds, origins):
-    spread = spread_of(written(tmp_path / "f.json", mean_and(spreads)), START, (90.0, 100.0))
+    spread = spread_of(written(tmp_path / "f.json", mean_and(spreads)), (90.0, 100.0))
     assert spread.speed_mps == pytest.approx(speeds, abs=SPEED)
     assert spread.from_deg == pytest.approx(origins, abs=DIRECTION)
     assert "the mean of an ensemble and 2 of its spreads to each side" in spread.words
-
-
-@pytest.mark.parametrize(
-    ("angles", "ends"),
-    [
-        ([350.0, 10.5, 5.0], (350.0, 371.0)),
-        ([90.0], (90.0, 90.0)),
-        ([0.0, 100.0, 200.0, 300.0], (100.0, 360.0)),
-        (np.arange(0.0, 360.0, 0.5), (0.0, 360.0)),
-    ],
-)
-def test_a_sector_is_the_smallest_with_all_angles(angles, ends):
-    assert sector(np.asarray(angles)) == ends
-
-
-@pytest.mark.parametrize(
-    ("spread", "whole"), [((3.2, 7.4), (3.0, 8.0)), ((4.0 - 1e-12, 8.0 + 1e-12), (4.0, 8.0))]
-)
-def test_speeds_are_rounded_outwards_but_for_the_rounding_of_a_product(spread, whole):
-    assert outwards(*spread) == whole
-
-
-def test_models_in_one_answer_are_drawn_from_like_each_alone(tmp_path):
-    """As with ``models=icon_d2,gfs_seamless``; a third has no values here, which is null."""
-    alone = {"icon_d2": forecast(), "gfs_seamless": forecast(from_deg=300.0)}
-    both = forecast()
-    for table in ("hourly", "hourly_units"):
-        both[table] = {
-            name if name == "time" else f"{name}_{model}": column
-            for model, tables in alone.items()
-            for name, column in tables[table].items()
-        }
-    for name in [x for x in both["hourly"] if x.endswith("icon_d2")]:
-        nowhere = name.replace("icon_d2", "nowhere")
-        both["hourly"][nowhere] = [None] * len(both["hourly"]["time"])
-        both["hourly_units"][nowhere] = both["hourly_units"][name]
-
-    of_both, *each = (
-        spread_of(written(tmp_path / "f.json", x), (47.4, 8.52), (90.0, 100.0))
-        for x in (both, *alone.values())
-    )
-
-    for at in (0, 1):
-        end = (min, max)[at]
-        assert of_both.speed_mps[at] == end(x.speed_mps[at] for x in each)
-        assert of_both.from_deg[at] == end(x.from_deg[at] for x in each)
-    assert "2 models" in of_both.words
-
-
-def test_quarters_of_hours_are_read_as_hours_are(tmp_path):
-    hourly = forecast()
-    quarters = {key.replace("hourly", "minutely_15"): table for key, table in hourly.items()}
-
-    said = [
-        spread_of(written(tmp_path / "f.json", x), (47.4, 8.52), (90.0, 100.0))
-        for x in (hourly, quarters)
-    ]
-
-    assert said[0] == said[1]
 
 
 def bad(change, forecast=forecast):
@@ -398,14 +391,70 @@ BAD_PRESSURES = {
 }
 
 
-@pytest.mark.parametrize("case", BAD_PRESSURES)
-def test_bad_pressure_levels_are_refused_in_a_line(tmp_path, case):
-    change, words = BAD_PRESSURES[case]
-    file = written(tmp_path / "f.json", bad(change, at_pressures))
+BAD_SPREADS = {
+    "negative": ({S_SPREAD: -1.0}, f"`{S_SPREAD}` must not be negative"),
+    "negative angle": ({S_SPREAD: 1.0, D_SPREAD: -1.0}, f"`{D_SPREAD}` must not be negative"),
+    "null": ({S_SPREAD: None}, "must be numbers, got null"),
+    "no spread": ({S_SPREAD: 1.0, "wind_speed_10m": 3.0, "wind_direction_10m": 250.0}, "got none"),
+}
+NETCDF = {
+    "no v": (without("v80"), "must have `v80` with `u80`, got none"),
+    "no axis": (without("latitude"), "`latitude` must be an axis of numbers, got none"),
+    "knots": (with_unit("u80", "knots"), "`u80` must be in m s-1, got 'knots'"),
+    "no zero": (
+        with_unit("time", "hours"),
+        "`time` must be in hours since 2026-11-29 00:00 or alike",
+    ),
+    "no date": (with_unit("time", "days since noon"), "`time` must be in hours since"),
+}
+CSV = {
+    "too long": (lambda x: x.replace(",0,", f",{'9' * 200_000},", 1), "must be CSV"),
+    "twice": (lambda x: x.replace("wind_speed_120m (", "wind_speed_80m ("), "each column once"),
+    "short": (lambda x: x[: x.rindex(",")], "row 3 of `time` must have 9 values, got 8"),
+    "word": (lambda x: x.replace(",250.0,", ",west,", 1), "must be a number, got 'west'"),
+    "no head": (lambda x: x.partition("time,")[2], "must begin with lines of latitude"),
+}
+REFUSED = [
+    *((f"{name}.json", json.dumps(bad(*case)), words) for name, (*case, words) in BAD.items()),
+    *(
+        (f"{name}.json", json.dumps(bad(case, at_pressures)), words)
+        for name, (case, words) in BAD_PRESSURES.items()
+    ),
+    *((f"{name}.json", json.dumps(mean_and(x)), words) for name, (x, words) in BAD_SPREADS.items()),
+    *((f"{name}.csv", change(as_csv(forecast())), words) for name, (change, words) in CSV.items()),
+    *((f"{name}.nc", change, words) for name, (change, words) in NETCDF.items()),
+]
+
+
+@pytest.mark.parametrize(("name", "made", "words"), REFUSED, ids=[x[0] for x in REFUSED])
+def test_bad_input_is_refused_in_a_line_that_names_the_file(tmp_path, name, made, words):
+    file = tmp_path / name
+    netcdf(file, made) if name.endswith(".nc") else file.write_text(made)
+
     with pytest.raises(ft.FlightTuneError) as caught:
-        spread_of(file, START, (100.0, 100.0))
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
+        spread_of(file)
+
+    said = str(caught.value)
+    assert said.startswith(f"{file}: ")
+    assert words in said
+    assert "\n" not in said
+
+
+def test_netcdf_4_is_refused_with_the_cure_and_a_damaged_file_in_a_line(tmp_path):
+    file = tmp_path / "f.nc"
+    file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(600))
+    with pytest.raises(ft.InputError, match=r"f.nc: .* `nccopy -k classic f.nc OUT.nc`"):
+        spread_of(file)
+    whole, rng = netcdf(file).read_bytes(), np.random.default_rng(1)
+    file.write_bytes(whole[:900])
+    with pytest.raises(ft.InputError, match=r"f.nc: must be a whole file of NetCDF classic"):
+        spread_of(file)
+    for _ in range(60):  # another byte in its header, and another end
+        damaged = bytearray(whole[: rng.integers(4, len(whole))])
+        damaged[rng.integers(0, min(len(damaged), 900))] = rng.integers(0, 256)
+        file.write_bytes(damaged)
+        with suppress(ft.FlightTuneError):
+            spread_of(file)
 
 
 def test_a_forecast_of_more_winds_than_any_has_is_refused(tmp_path):
@@ -415,63 +464,7 @@ def test_a_forecast_of_more_winds_than_any_has_is_refused(tmp_path):
     columns["time"] = [1795906800 + 3600 * i for i in range(hours)]
     file = written(tmp_path / "f.json", tables)
     with pytest.raises(ft.InputError, match="`hourly` must have at most 500000 winds, got 518000"):
-        spread_of(file, START, (90.0, 100.0))
-
-
-@pytest.mark.parametrize(
-    ("spreads", "words"),
-    [
-        ({S_SPREAD: -1.0}, f"`{S_SPREAD}` must not be negative"),
-        ({S_SPREAD: 1.0, D_SPREAD: -1.0}, f"`{D_SPREAD}` must not be negative"),
-        ({S_SPREAD: None}, "must be numbers, got null"),
-        (
-            {S_SPREAD: 1.0, "wind_speed_10m": 3.0, "wind_direction_10m": 250.0},
-            "10m_spread, got none",
-        ),
-    ],
-)
-def test_bad_spreads_are_refused_in_a_line(tmp_path, spreads, words):
-    file = written(tmp_path / "f.json", mean_and(spreads))
-    with pytest.raises(ft.InputError, match=words):
-        spread_of(file, START, (90.0, 100.0))
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_refused_in_a_line_that_names_the_file(tmp_path, case):
-    change, words = BAD[case]
-    file = written(tmp_path / "f.json", bad(change))
-
-    with pytest.raises(ft.FlightTuneError) as caught:
-        spread_of(file, START, (100.0, 100.0))
-
-    said = str(caught.value)
-    assert said.startswith(f"{file}: ")
-    assert words in said
-    assert "\n" not in said
-
-
-def test_times_with_an_offset_are_not_by_the_clock_of_the_file(tmp_path):
-    tables = forecast() | {"utc_offset_seconds": 3600}
-    tables["hourly"]["time"] = [f"2026-11-29T{hour:02d}:00+05:00" for hour in (5, 6, 7)]
-    loaded = load_forecast(written(tmp_path / "f.json", tables))
-    assert [time.isoformat() for time in loaded.times] == [
-        f"2026-11-29T{hour:02d}:00:00+01:00" for hour in (1, 2, 3)
-    ]
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda text: text.replace(",0,", f",{'9' * 200_000},", 1), "must be CSV"),
-        (lambda text: text.replace("wind_speed_120m (", "wind_speed_80m ("), "each column once"),
-    ],
-)
-def test_a_csv_that_cannot_be_read_is_refused(tmp_path, change, words):
-    file = tmp_path / "f.csv"
-    file.write_text(change(as_csv(forecast())))
-    with pytest.raises(ft.InputError, match=words) as caught:
-        load_forecast(file)
-    assert str(caught.value).startswith(f"{file}: ")
+        spread_of(file, (90.0, 100.0))
 
 
 @pytest.mark.parametrize(
@@ -490,34 +483,8 @@ def test_times_and_files_that_do_not_fit_are_refused(tmp_path, name, times, word
         written(tmp_path / file, forecast())
 
     with pytest.raises(ft.FlightTuneError, match=words) as caught:
-        spread_of(f"{tmp_path / name}{times}", START, (100.0, 100.0))
+        spread_of(f"{tmp_path / name}{times}")
     assert str(tmp_path / name) in str(caught.value)
-
-
-@pytest.mark.soak
-def test_flights_of_a_mission_draw_their_wind_within_the_forecast(tmp_path):
-    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 100), waypoint(47.41, 8.5, 110))
-    file = written(tmp_path / "f.json", forecast(from_deg=355.0))
-    calm = ft.flights(plan)
-
-    flights = calm.in_wind(file)
-    drawn, before = (
-        [x.plan().with_runs(40).scenario_of(i).wind for i in range(40)] for x in (flights, calm)
-    )
-
-    assert max(x.speed_mps for x in before) <= 8.0 < min(x.speed_mps for x in drawn)
-    speeds, origins = ([getattr(x, key) for x in drawn] for key in ("speed_mps", "from_deg"))
-    # by hand: 100 to 110 m over ground, three hours, two members; all of the range is drawn
-    assert (min(speeds), max(speeds)) == pytest.approx((9.0, 13.5), abs=0.5)
-    assert (min(origins), max(origins)) == pytest.approx((355.0, 365.0), abs=1.0)
-    others = [
-        [x.key for x in of.campaign.disperse if not x.key.startswith("wind.")]
-        for of in (flights, calm)
-    ]
-    assert others[0] == others[1]
-    assert flights.campaign.nominal.turbulence == calm.campaign.nominal.turbulence
-    assert "f.json of 2026-11-29 00:00 to 2026-11-29 02:00 UTC" in flights.campaign.title
-    assert "9 to 13.5 m/s from 355 to 365 deg" in flights.campaign.nominal.route.notes[-1]
 
 
 CLIMBING = (47.4, 8.5, 100), (47.41, 8.5, 110), (47.41, 8.515, 105)
@@ -583,23 +550,6 @@ def test_a_forecast_is_looked_at_before_any_flight(tmp_path, options, words):
 
     for words_of_it in words:
         assert words_of_it in " ".join(said.split())
-
-
-@pytest.mark.soak
-def test_the_answer_and_the_claim_of_a_mission_name_the_wind_and_its_forecast(tmp_path):
-    plan = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 80), waypoint(47.404, 8.5, 80))
-    file = written(tmp_path / "f.json", forecast(hours=2))
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
-
-    odds = ft.mission(plan, wind=f"{file}@2026-11-29T01:00", **few)
-
-    answer = odds.answer()
-    assert "in wind 9 to 11 m/s from 250 to 260 deg, light turbulence" in answer.summary[-1]
-    words = f"from {file}, 2026-11-29 01:00 UTC (2 members): 9 to 11 m/s from 250 to 260 deg."
-    assert any(line.endswith(words) for line in answer.changed)
-    assert "in the wind of f.json of 2026-11-29 01:00 UTC" in odds.band.sentence
-    with pytest.raises(ft.InputError, match="`wind` must be absent for a band"):
-        ft.mission(odds.band, wind=file)
 
 
 def test_a_scenario_without_drawn_flights_takes_no_forecast(tmp_path):

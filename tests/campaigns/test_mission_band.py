@@ -1,71 +1,32 @@
 """One command for a mission: its corridor, and the probability that it leaves its own fence."""
 
-import re
-from dataclasses import replace
-
-import numpy as np
 import pytest
 from commands import answer, flighttune
-from made_up_missions import AREA, HALF, made_up_flights, mission
-from plans import SLOPE, item, plan_file, terrain, waypoint
-from scipy.stats import binom, binomtest
+from plans import item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.claims import counting
-from flighttune.claims.mission import LEARN
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
 
-# Gains of flights that are made up: others are tuned at each airspeed.
-PAPER = {"gains": ["paper"], "law": ["paper"]}
 AT_ONCE = (*FEW, "--set", 'gains=["paper"]', "--set", 'law=["paper"]')
 
 
-@pytest.fixture
-def few_learned(monkeypatch):
-    """A shape of fifteen flights holds as that of thirty does."""
-    monkeypatch.setattr("flighttune.claims.mission.LEARN", 15)
+AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
 
 
-@pytest.mark.soak
-@pytest.mark.usefixtures("few_learned")
-def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
-    file, page, out = (tmp_path / name for name in ("m.plan", "m.html", "m.npz"))
-    mission(file, corner=HALF)
-    raster = terrain(tmp_path / "t.tif")
-    said = answer("mission", file, *FEW, "--out", out, "--page", page, "--terrain", raster)
-
-    beside, above = (row["largest"] for row in said["half_widths"])
-    path, corridor = (said["terrain"][name]["over_ground_m"] for name in ("path", "corridor"))
-    assert path == pytest.approx(70.0 - 0.002 * SLOPE, abs=0.5)  # the last leg, 222 m to the north
-    assert path - above - 2.0 * beside * SLOPE / 111e3 - 0.5 < corridor < path
-    assert said["fence"]["outside"] == 0
-    flights = said["flights"]  # Clopper and Pearson, of one side: both claims share 0.1
-    bound = binomtest(0, flights, alternative="less").proportion_ci(0.95, method="exact").high
-    assert said["fence"]["epsilon"] == pytest.approx(bound, rel=1e-6)
-    assert said["confidence"] == pytest.approx(0.9)
-    whether, odds, wide, holds = said["summary"]
-    assert whether == "Yes: the mission can be flown and stays inside its fence."
-    assert "at a confidence of 0.9 for all that is said here: 0 of 9 flights did" in odds
-    assert wide.startswith("The corridor is at most")
-    assert "jsbsim:aerosonde under the" in holds
-    air = "in wind 0 to 8 m/s from anywhere, light turbulence"
-    assert f"at 26 m/s {air}, where the aircraft knows its place by a standard receiver" in holds
-    assert "wind 0 to 8 m/s from anywhere, light turbulence" in said["distribution"]
-    assert 14.0 < said["route"]["time"] < 15.0  # 0.38 km at 26 m/s
-    assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
-    nearest = {row["what"]: row for row in said["fence"]["nearest"]}
-    assert nearest["band"]["margin_m"] <= nearest["completed flights"]["margin_m"]
-    (run,) = ft.refly(out, said["nearest_draw"]).flown.runs
-    (claim,) = run.claims  # of a flight whose mass and the rest are drawn
-    assert claim.contains(run.signals)
-    assert claim.fences == ([[lon, lat] for lat, lon in [*AREA, AREA[0]]],)
-    text, shown = page.read_text(), ("Map", "Height over the start", "certainly inside")
-    for words in (*shown, "ground", "rally", "leg", "fence", "<h2>Map, heights and corridor"):
-        assert words in text, words
-    assert "<h1>Mission &#34;m&#34;<" in text
-    assert ft.load(out).sentence in flighttune("verify", out, "--count", 1)[0].replace("\n", " ")
+def mission(path, area=AREA):
+    """Take-off at 47.4 N, 445 m to the north and 450 m to the east, in an area."""
+    fence = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": area}]}
+    return plan_file(
+        path,
+        item(22, 15, 0, 0, None, 47.4, 8.5, 60),
+        item(178, 0, 26, -1, 0, 0, 0, 0, frame=2),
+        waypoint(47.404, 8.5, 70),
+        waypoint(47.404, 8.506, 70),
+        geoFence=fence,
+        rallyPoints={"points": [[47.401, 8.505, 70]], "version": 2},
+    )
 
 
 @pytest.mark.slow
@@ -124,221 +85,9 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     assert "counted with `flighttune mission`" in flighttune("band", file, status=2)[1]
 
 
-def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch):
-    """One in four does not complete, and of 628 flights two may be outside."""
-    counted = made_up_flights(monkeypatch, lost_every=4)
-    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)], **PAPER}
-    odds = ft.mission("circuit_in_wind", changes=short, workers=1)
-    said = odds.answer()
-
-    assert len(counted) == 24
-    assert odds.way == ""  # it is not known which flights ended, and why
-    assert said.summary[0].startswith("No: of 24 flights 6 did not complete")
-    assert "at most 2 of 628 may" in said.summary[0]
-    assert "the count ended after 24 of 628 flights" in said.failure
-
-
-@pytest.mark.parametrize(
-    ("lost_every", "flights", "lost"),
-    # P(Bin(628, 0.01) <= 2) is below 0.05; the first, the 301st and the 601st may be lost or not
-    [
-        pytest.param(None, 628, 0, marks=pytest.mark.counts),
-        *((300, 628, None), (400, 628, 2), (50, 192, None)),
-    ],
-)
-@pytest.mark.soak
-def test_the_third_largest_of_all_flights_decides_the_corridor(
-    tmp_path, monkeypatch, lost_every, flights, lost
-):
-    counted, out = made_up_flights(monkeypatch, lost_every), tmp_path / "m.npz"
-    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)], **PAPER}
-    odds = ft.mission("circuit_in_wind", changes=short, workers=1, out=out)
-    band, said = ft.load(out), odds.answer()
-
-    assert len(counted) == len(band.scores) == flights
-    assert said.summary[0].startswith("No: " if lost is None else "Yes: ")
-    assert band.sentence == odds.band.sentence
-    if lost is not None:
-        assert (band.scale, band.outside) == (np.sort(band.scores)[-3], 2)
-        assert (band.not_completed, band.confidence) == (lost, pytest.approx(0.95))
-        assert "confidence of 0.95 for all that is said here: 2 of" in said.summary[1]
-        longer = replace(band, about=replace(band.about, early=flights))
-        longer.save(out)
-        with pytest.raises(ft.InputError, match="`early` must be below"):
-            ft.load(out)
-
-
-@pytest.mark.slow
-def test_flights_nearest_to_leaving_band_and_fence_decide(tmp_path, monkeypatch):
-    monkeypatch.setattr("flighttune.claims.shape.PART", 32)  # looked at in three parts
-    made_up_flights(monkeypatch, None)
-    file = mission(
-        tmp_path / "m.plan", [[47.39, 8.49], [47.39, 8.51], [47.42, 8.51], [47.42, 8.49]]
-    )
-    band = ft.mission(file, epsilon=0.1, flights=80, workers=1, changes=PAPER).band
-    (fence,) = band.about.fences
-
-    def margin(i):
-        alone = {name: getattr(band, name)[[i]] for name in ("extremes", "wind", "navigation")}
-        return replace(band, **alone).inside(fence).nearest[0]["margin_m"]
-
-    margins = np.array([margin(i) for i in range(80)])
-    most = band.allowed + 1
-    wanted = {*np.argsort(margins)[:most], *np.argsort(-band.scores)[:most]}
-
-    assert most < len(wanted) <= 2 * most  # both claims have flights of their own
-    assert {*(LEARN + i for i in wanted)} <= {*counting.deciding(band)}
-    assert len(counting.deciding(band)) <= len(wanted) + 2 * counting.NEXT
-
-
-@pytest.mark.slow
-def test_a_count_of_0_4_0_goes_on_after_its_first_step(tmp_path, monkeypatch):
-    """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
-    made_up_flights(monkeypatch, None)
-    file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    band = ft.mission(file, epsilon=0.05, flights=126, workers=1, changes=PAPER).band
-    first = {name: getattr(band, name)[:78] for name in ("extremes", "wind", "navigation")}
-    band = replace(band, about=replace(band.about, early=78), **first)
-    early = band.inside(band.about.fences[0])
-    assert (early.outside, early.supported) == (0, True)
-    assert early.epsilon == pytest.approx(1.0 - 0.025 ** (1 / 78), rel=1e-6)
-    assert early.sentence.startswith("a new flight leaves the fence with probability at most 0.046")
-    extremes = band.extremes.copy()
-    extremes[3, 0, 0] = [-5000.0, 5000.0]
-    left = replace(band, extremes=extremes)
-    left.save(out)
-    whether = ft.mission(out).answer().summary[0]
-    assert whether.startswith("Not known: 78 of 126 flights were flown; `flighttune band FILE")
-
-    more = ft.band(out, flights=126, workers=1)
-    fenced = more.inside(more.about.fences[0])
-    assert (len(more.scores), fenced.outside, fenced.supported) == (126, 1, True)
-    none_first = binom.pmf(0, 78, fenced.epsilon) * binom.sf(1, 48, fenced.epsilon)
-    assert none_first + binom.cdf(1, 126, fenced.epsilon) == pytest.approx(0.025, rel=1e-6)
-    assert more.answer().summary[0].startswith("Yes: ")
-    assert more.confidence == pytest.approx(0.95)
-
-    twice = ft.band(out, flights=252, workers=1)
-    assert ft.load(out).readings == twice.readings == (126, 252)
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("lost_every", "flights", "said"),
-    [
-        # 0.95^-n / 2 and a share of it exceed 2 / 0.05 from 82 on; it is looked at every 12 flights
-        (None, 84, "Yes: the mission can be flown and stays inside its fence."),
-        (3, 24, "No: a new flight is not certainly inside the fence with probability above 0.05"),
-        (20, 208, "Not known: "),
-    ],
-)
-def test_a_fence_is_answered_as_soon_as_it_is_sure(
-    tmp_path, monkeypatch, lost_every, flights, said
-):
-    made_up_flights(monkeypatch, lost_every)
-    file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
-    odds = ft.mission(file, epsilon=0.05, until_sure=True, out=out, workers=1)
-    answer, band = odds.answer(), ft.load(out)
-
-    assert (len(band.scores), band.confidence) == (flights, pytest.approx(0.95))
-    assert answer.summary[0].startswith(said)
-    assert answer.summary[2] == "No corridor is claimed."
-    assert band.answer().values["fence"] == answer.values["fence"]
-    sentence = answer.values["fence"]["sentence"]
-    assert ("confidence 0.95 at any number of flights" in sentence) == (flights < 208)
-    assert bool(answer.failure) == (lost_every is not None)
-    if flights == 84:  # one flight fewer of the same was not sure, of 208 planned
-        first = {x: getattr(band, x)[:72] for x in ("extremes", "wind", "navigation")}
-        replace(band, **first).save(out)
-        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 102, .*no answer"):
-            ft.load(out)
-        with pytest.raises(ft.InputError, match=r"`until_sure` .* a band"):
-            ft.mission(band, until_sure=True)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("more", "got"), [({}, "no fence"), ({"turn_back": 30}, "`turn_back`")])
 def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_path, more, got):
     source = mission(tmp_path / "m.plan") if more else "circuit_in_wind"
     with pytest.raises(ft.InputError, match=f"`until_sure` must be about a fence alone, got {got}"):
         ft.mission(source, until_sure=True, **more)
-
-
-@pytest.mark.soak
-@pytest.mark.usefixtures("few_learned")
-def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
-    calm = tmp_path / "calm.toml"
-    calm.write_text(
-        'title = "calm"\nscenario = "circuit"\nruns = 20\nseed = 5\ndesign = "random"\n'
-        'gains = ["tuned_identified"]\n[[disperse]]\nkey = "plant.airframe.mass_factor"\n'
-        'distribution = "uniform"\nlower = 0.95\nupper = 1.05\n'
-    )
-    file = mission(tmp_path / "m.plan", corner=HALF)
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 9}
-    band = ft.mission(str(file), like=str(calm), navigation="exact", **few).band
-
-    assert "calm air" in band.sentence or "wind" not in band.sentence
-    assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("least", "said"),
-    [
-        # 0.9 times is first
-        ((15.0, 15.0), "With `--set flight.V_a_mps=18` these 2 complete."),
-        ((15.0, 21.0), "With `--set flight.V_a_mps=22` these 2 complete."),
-        ((23.0, 15.0), "With `--set flight.V_a_mps=24` these 2 complete."),
-        ((15.0, 99.0), "They do not complete with 0.8, 0.9, 1.1, 1.2 times the airspeed"),
-    ],
-)
-def test_a_change_is_said_with_which_all_flights_that_ended_early_complete(
-    tmp_path, monkeypatch, least, said
-):
-    """Flights of 20 m/s of which two complete from an airspeed on."""
-    made_up_flights(monkeypatch, lost_every=4)
-    flown = counting._flown
-
-    def with_endings(pool, *args, **options):
-        lost = LEARN, LEARN + 4
-        ended = [{"run": run, "status": "stall", "reason": "slow"} for run in lost]
-        pool.progress.endings[:] = ended
-        return flown(pool, *args, **options)
-
-    def rows(_pool, plan, runs, **_):
-        assert plan.runs > max(runs)
-        assert len(plan.scenario.route.waypoint) == 2
-        V = plan.scenario.flight.V_a_mps
-        return [
-            {"run": run, "status": "completed" if V >= at_least else "stall"}
-            for run, at_least in zip(runs, least, strict=True)
-        ]
-
-    monkeypatch.setattr("flighttune.claims.mission.WorkerPool.in_order", rows)
-    monkeypatch.setattr(counting, "_flown", with_endings)
-    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]
-    changes = {"route.waypoint": legs, "flight.V_a_mps": 20.0, **PAPER}
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 9}
-    odds = ft.mission("circuit_in_wind", changes=changes, workers=1, **few)
-
-    assert odds.way.startswith(said)
-
-
-@pytest.mark.soak
-def test_an_airspeed_at_which_lost_flights_complete_is_said_and_flies(tmp_path):
-    """At 16.5 m/s the aircraft stalls in turbulence."""
-    few = ["--epsilon", 0.3, "--confidence", 0.9, "--flights", 7]
-    few += ["--set", "route.waypoint=[{north_m=0.0, east_m=0.0}, {north_m=300.0, east_m=0.0}]"]
-    said, page = {}, tmp_path / "page.html"
-    for V, status in ((16.5, 1), (18.2, 0)):
-        files = ["--out", tmp_path / f"{V}.npz", *(["--page", page] if status else [])]
-        at = ["--set", f"flight.V_a_mps={V}", *few, *files]
-        said[V] = answer("mission", "circuit_in_wind", *at, status=status)
-
-    place = re.search(r"It was on the leg to waypoint 2, (\d+) m along\.", said[16.5]["summary"][1])
-    assert place is not None
-    assert 0 < int(place[1]) < 300  # m: on the leg
-    hint = "With `--set flight.V_a_mps=18.2` it completes."
-    assert said[16.5]["summary"][1].endswith(hint)
-    assert re.sub("`(.+)`", r"<code>\1</code>", hint) in page.read_text()
-    assert said[18.2]["summary"][0].startswith("Yes")

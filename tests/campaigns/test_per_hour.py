@@ -85,41 +85,6 @@ def test_5000_made_up_aircraft_exceed_the_bound_no_more_often_than_the_confidenc
     assert missed / CASES <= MOST_MISSED
 
 
-def mean_hours(longest, per_hour):
-    """Mean time to the first fault, or to the end of a flight of at most `longest`, uniform, h."""
-    low = 0.999 * longest
-    # The mean of (1 - exp(-r T)) / r over T, uniform from `low` to `longest`.
-    decay = (np.exp(-per_hour * low) - np.exp(-per_hour * longest)) / (per_hour * (longest - low))
-    return (1.0 - decay) / per_hour
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [11, 12, 13])
-def test_flights_that_a_fault_ends_early_make_the_rate_per_hour_no_larger_than_the_bound(seed):
-    """Each fault ends its flight at once and inside, so that it only takes flight time away."""
-    rng, n, cases, missed = np.random.default_rng(seed), 20_000, 400, 0
-    for _ in range(cases):
-        p_0, rate, longest = rng.uniform(0.7, 0.9), rng.uniform(0.2, 0.4), rng.uniform(0.8, 1.0)
-        durations = np.sort(rng.uniform(0.999 * longest, longest, n))
-        exposure = per_hour.Exposure(
-            shortest_s=3600.0 * durations[n // 100],
-            window_s=3600.0 * durations[-1],
-            cap_s=3600.0 * longest,
-            flights=n,
-            shorter=n // 100,
-        )
-        healthy = per_hour.Count(outside=int(rng.binomial(n, p_0)), flights=n)
-        safe = per_hour.Count(outside=0, flights=n)
-        bound = per_hour.hourly_bound(healthy, [(rate, safe)], exposure, confidence=CONFIDENCE)
-        # It leaves at its start, so that a fault does not prevent it.
-        missed += bound.total < p_0 / mean_hours(longest, rate)
-    assert missed / cases <= 0.1 + 3.7 * np.sqrt(0.09 / cases)
-
-    # The mean is that of simulated flights, to four standard deviations.
-    flights = np.minimum(rng.uniform(0.999, 1.0, 10**6), rng.exponential(1.0 / 0.3, 10**6))
-    assert flights.mean() == pytest.approx(mean_hours(1.0, 0.3), abs=4.0 * flights.std() / 1e3)
-
-
 def test_every_count_for_a_later_ending_costs_confidence():
     exposure = per_hour.Exposure(shortest_s=1800.0, window_s=1900.0, cap_s=3600.0, flights=500)
     few, more = (
@@ -134,20 +99,6 @@ def test_every_count_for_a_later_ending_costs_confidence():
     )
     assert few.each < more.each
     assert few.total < more.total
-
-
-def test_the_mean_duration_is_bounded_by_an_order_statistic():
-    rng, missed = np.random.default_rng(6), 0
-    for _ in range(CASES):
-        # One flight in 30 ends early, all others last 0.9 to 1 h.
-        durations = np.where(rng.random(200) < 1 / 30, 0.01, rng.uniform(0.9, 1.0, 200))
-        ordered = 3600.0 * np.sort(durations)
-        exposure = per_hour.Exposure(
-            shortest_s=ordered[10], window_s=ordered[-1], cap_s=3600.0, flights=200, shorter=10
-        )
-        missed += exposure.hours(CONFIDENCE) > 0.01 / 30 + 0.95 * 29 / 30
-    assert exposure.hours(CONFIDENCE) > 0.7  # the shortest alone would allow 0.01 h
-    assert missed / CASES <= MOST_MISSED
 
 
 def test_durations_must_be_in_order():

@@ -1,7 +1,7 @@
 """The campaigns that ship: their headers, and what becomes of their first flights."""
 
 import pytest
-from flown_campaigns import table_flown
+from dispersed import rows_of
 from places import CAMPAIGN_NAMES, ROOT
 
 import flighttune as ft
@@ -36,7 +36,7 @@ def test_every_campaign_says_what_it_is_for_as_the_table_of_campaigns_does():
 def test_the_first_flights_of_every_campaign_are_flown(name):
     flown = ON_CIRCUITS if name.startswith("circuit") else FLOWN
     plan = ft.plan_campaign(ft.load_campaign(name), runs=flown)
-    rows = table_flown(plan, range(flown)).to_pandas()
+    rows = rows_of(plan).to_pandas()
 
     assert set(rows["status"]) <= {"completed", "left_envelope"}
     assert rows["status"].value_counts()["completed"] > flown / 2
@@ -45,7 +45,7 @@ def test_the_first_flights_of_every_campaign_are_flown(name):
 @pytest.mark.soak
 def test_the_first_campaign_comes_to_what_its_header_says():
     plan = ft.plan_campaign(ft.load_campaign("first_campaign"))
-    success = table_flown(plan).to_pandas().groupby(["plant", "gains"])["success"]
+    success = rows_of(plan).to_pandas().groupby(["plant", "gains"])["success"]
 
     share = success.mean().to_dict()
     assert share.pop(("jsbsim:aerosonde", "paper")) <= 0.5

@@ -1,218 +1,31 @@
 """The worst flight: against closed forms, and on small campaigns of the law."""
 
-import math
 from dataclasses import replace
-from unittest import mock
 
 import numpy as np
 import pytest
-from commands import answer, flighttune
-from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
-from flown_campaigns import flown_here, table_flown
+from dispersed import plan_of, tables_of, uniform
 from made_up_tubes import tube as tube_of
 from made_up_tubes import tube_scenario
-from scipy.stats import chi2
+from scipy import stats
 
 import flighttune as ft
-from flighttune.flight.loop.run import ERRORS, Bounds
-from flighttune.studies import worst as worst_module
 
-SAME = 1e-9
-"""A flight of a batch and the same one alone differ by 1e-12."""
-
-START = uniform("flight.chi_deg", -40.0, 40.0), uniform("flight.gamma_deg", -10.0, 10.0)
-DEMAND = {"at_most": {"chi": {"peak_deg": 35.0}}}
+pytestmark = pytest.mark.slow
 
 
-def small_plan(**tables):
-    """Three seconds of the law from random starts."""
-    return plan_of(tables_of((KINEMATIC,), **{"gains": [SOFT], **tables}), *START, runs=8)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("dimension", [2, 8, 20])
-def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
-    normal = np.arange(1.0, dimension + 1.0)
-    normal /= np.linalg.norm(normal)
-
-    z, _, first = worst_module.search_worst(
-        lambda z, seeds: z @ normal, dimension, budget=2000, seed=3
-    )
-
-    radius = math.sqrt(chi2.ppf(0.999, dimension))
-    assert np.linalg.norm(z) <= radius * (1.0 + SAME)
-    assert z @ normal > 0.98 * radius
-    assert first < z @ normal
-
-
-@pytest.mark.slow
-def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
-    seen = []
-
-    def values(z, seeds):
-        seen.append((z, seeds))
-        return (seeds % 1000).astype(float)
-
-    _, seed, first = worst_module.search_worst(values, 3, budget=640, seed=5)
-
-    best, place = first, seen[0][0][np.argmax(seen[0][1] % 1000)]
-    assert first == max(seen[0][1] % 1000)
-    for generation, (z, seeds) in enumerate(seen[1:], 1):
-        if generation % worst_module.SEEDS_EVERY == 0:
-            assert len(set(seeds)) == len(seeds)
-            assert z.tolist() == [place.tolist()] * len(seeds)
-            best = max(best, *(seeds % 1000))
-        else:
-            assert set(seeds % 1000) == {best}
-    assert seed % 1000 == best > first
-
-
-@pytest.mark.slow
-def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
-    plan = small_plan()
-    with flown_here() as pool:
-        searched = worst_module.StatedSet(plan, pool, metric="chi.peak_rad")
-        worst = searched.find_worst(budget=320, seed=1)
-
-    rows = table_flown(plan.with_runs(300)).to_pandas()
-    assert worst.value > rows["chi.peak_rad"].max()
-    assert worst.distance <= worst.radius * (1.0 + SAME)
-    assert abs(worst.drawn["flight.chi_deg"]) <= 40.0
-    (run,) = ft.fly(worst.scenario).runs
-    assert run.signals["chi_err"].abs().max() == pytest.approx(worst.value, rel=SAME)
-
-
-def test_the_margin_is_that_of_the_nearest_demand():
-    others = {"at_least": {"flight": {"n_z_min": 2.0}}}, {"at_most": {"chi": {"ITAE": 0.0}}}
-    plan = small_plan(expect=[DEMAND, *others])
-    row = {
-        "status": "completed", "plant": "kinematic", "gains": "soft",
-        "chi.peak_rad": np.radians(70.0), "flight.n_z_min": 1.0, "chi.ITAE": 0.3,
-    }  # fmt: skip
-
-    assert worst_module.value_of(row, "margin", plan.scenario) == pytest.approx(1.0)  # 70 of 35 deg
-    assert worst_module.value_of(
-        {**row, "chi.ITAE": 1.5}, "margin", plan.scenario
-    ) == pytest.approx(1.5)
-    assert worst_module.value_of({**row, "status": "diverged"}, "chi.ITAE", plan.scenario) > 100.0
-    assert worst_module.value_of(row, "chi.ITAE", plan.scenario) == 0.3
-
-
-def test_a_start_on_its_reference_has_nothing_to_settle_and_is_not_the_worst():
-    """A start at 0.09 deg is nearer than the smallest change, 0.1 deg; 4.8 s are 0.2 over 4 s."""
-    bounds = {"at_most": {"chi": {"settling_s": 4.0, "peak_deg": 35.0}}}
-    plan = small_plan(expect=[bounds])
-    row = {"status": "completed", "plant": "kinematic", "gains": "soft"}
-    near, far = (
-        {
-            **row,
-            "chi.settling_s": settled,
-            "chi.peak_rad": np.radians(start),
-            "chi.settling_band_rad": 0.05 * np.radians(start),
-        }
-        for start, settled in ((0.09, None), (30.0, 4.8))
-    )
-
-    def values(row):
-        return [worst_module.value_of(row, x, plan.scenario) for x in ("margin", "chi.settling_s")]
-
-    assert values(near) == [pytest.approx(0.09 / 35.0 - 1.0), -worst_module.FAILED]
-    assert values(far) == [pytest.approx(0.2), 4.8]
-    assert values({**far, "chi.settling_s": None}) == [worst_module.FAILED] * 2
-    # a time that there is counts, however near the start
-    assert values({**near, "chi.settling_s": 4.8}) == [pytest.approx(0.2), 4.8]
-    alone = small_plan(expect=[{"at_most": {"chi": {"settling_s": 4.0}}}]).scenario
-    assert worst_module.value_of(near, "margin", alone) == -worst_module.FAILED
-    nothing = small_plan().scenario
-    assert worst_module.value_of(far, "margin", nothing) == worst_module.FAILED
-    del near["chi.settling_band_rad"]  # a row of a scenario without a bound on the settling time
-    assert values(near)[1] == -worst_module.FAILED
-
-
-def test_a_flight_without_the_value_of_another_measure_is_the_worst():
-    row = {"status": "completed", "plant": "kinematic", "gains": "soft", "chi.PT_s": None}
-    row |= {"chi.peak_rad": 0.0}
-
-    value = worst_module.value_of(row, "chi.PT_s", small_plan().scenario)
-
-    assert value == worst_module.FAILED
-
-
-@pytest.mark.parametrize(("completed", "worst"), [(False, 1), (True, 2)])
-def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
-    ends = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]
-
-    def rows(plan, runs, **options):
-        return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
-
-    with flown_here(rows) as pool:
-        searched = worst_module.StatedSet(
-            small_plan(), pool, metric="chi.ITAE", completed=completed
-        )
-        values = searched.values(np.zeros((3, 2)), np.arange(3))
-
-    assert np.argmax(values) == searched.worst["run"] == worst
-
-
-def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowest():
-    (run,) = ft.fly(small_plan().scenario_of(2)).runs
-    t = run.signals.index.to_numpy()
-    middle = run.signals[["chi_err", "gamma_err"]].to_numpy()
-    width = np.where(t < 1.0, 0.01, 0.1)[:, None]
-
-    def tube(beside):
-        return Bounds(t=t, low=middle + beside - width, high=middle + beside + width)
-
-    near = tube(0.009)
-    assert near.share(run.signals) == pytest.approx(0.09)
-    assert near.reach(run.signals) == pytest.approx([0.09, 0.09])
-    assert near.ratios(run.signals) == pytest.approx(dict.fromkeys(("chi", "gamma"), 1.0 / 0.09))
-    assert tube(0.02).share(run.signals) == pytest.approx(2.0)
-
-
-@pytest.mark.slow
-def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
-    drawn = ft.flights(small_plan(expect=[DEMAND]))
-    with flown_here(), mock.patch.object(worst_module, "flights", return_value=drawn):
-        said = answer("worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml")
-
-    assert said["metric"] == "margin"
-    assert said["flights"] == 64
-    flown = "".join(flighttune("fly", said["scenario"], "--out", tmp_path / "runs", status=1))
-    assert "chi.peak_deg must be at most 35" in flown
-    assert f"got {35.0 * (1.0 + said['value']):.4g}" in flown
+TURNED = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
 
 
 @pytest.fixture(scope="module")
 def proven(tmp_path_factory):
     """A tube of 0.3 s of the law from a box of starts, disturbed, and its file."""
-    scenario = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
-    proven = tube_of(scenario, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
+    proven = tube_of(TURNED, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
     file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
     proven.save(file)
     return proven, file
 
 
-@pytest.mark.slow
-def test_the_flights_of_a_tube_are_searched_and_stay_inside(proven):
-    tube, file = proven
-
-    worst = ft.worst(file, budget=32, workers=1)
-
-    flown = ft.fly(worst.scenario).within(tube).runs[0]
-    assert (worst.metric, worst.contradicts) == ("tube", False)
-    assert worst.answer().failure == ""
-    assert tube.why_not(flown) == ""
-    assert 0.5 < worst.value <= 1.0
-    # the batch and a flight alone differ by rounding, and the bounds in the file by their margin
-    assert tube.bounds.of(ERRORS).share(flown.signals) == pytest.approx(worst.value, abs=1e-6)
-    assert abs(worst.drawn["flight.chi_deg"]) <= np.degrees(0.01)
-    for channel, ratio in worst.ratio.items():  # of one of the flights of the search
-        assert 1.0 - 1e-6 <= worst.ratio_of_search[channel] <= ratio + 1e-6
-    assert worst.value == pytest.approx(ft.worst(tube, budget=32, workers=1).value, abs=1e-6)
-
-
-@pytest.mark.slow
 def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     tube, _ = proven
     bounds = tube.bounds
@@ -226,8 +39,7 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     assert worst.answer().status == 1
     assert "contradicts its proof" in worst.answer().failure
 
-    other = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
-    away = ft.worst(other, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
+    away = ft.worst(TURNED, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
     assert away.value > 1.0  # from a start that the tube says nothing of
     assert tube.why_not(ft.fly(away.scenario).runs[0])
     assert not away.contradicts
@@ -256,85 +68,204 @@ def test_a_tube_of_one_flight_has_no_worst():
         ft.worst(of_one, workers=1)
 
 
+# ---------------------------------------------------------------- of drawn flights
+START = uniform("flight.chi_deg", 0.0, 30.0)
+NOISE = {"sensors": {"chi_noise_sd_deg": 1.0}}
+
+
+def short(**tables):
+    made = tables_of(gains=["paper"], **tables)
+    made["flight"] = {"V_a_mps": 25.0, "chi_deg": 20.0, "duration_s": 0.5}
+    return made
+
+
+def plan(*disperse, **tables):
+    return plan_of(short(**tables), *disperse, runs=4)
+
+
+def flown_value(scenario, metric):
+    """What `fly` says of the measure of a row."""
+    flown = ft.fly(scenario)
+    (run,) = flown.runs
+    subject, name = metric.split(".")
+    if name == "peak_rad":
+        return np.abs(run.signals[f"{subject}_err"]).max()
+    return flown.metrics_of(run)[subject][name]
+
+
+@pytest.mark.parametrize("metric", ["chi.ITAE", "chi.peak_rad", "gamma.ITAE", "flight.n_z_max"])
+def test_the_worst_flight_is_one_that_flies_to_its_value(tmp_path, metric):
+    rolled = uniform("flight.phi_deg", -40.0, 40.0)
+
+    worst = ft.worst(plan(START, rolled), budget=64, metric=metric, workers=1)
+    worst.save(tmp_path / "worst.toml")
+
+    assert worst.value == pytest.approx(flown_value(worst.scenario, metric), rel=1e-9)
+    assert ft.load_scenario(tmp_path / "worst.toml").flight == worst.scenario.flight
+    assert (worst.flights, worst.family, worst.status) == (64, None, "completed")
+    assert worst.distance <= worst.radius * (1.0 + 1e-12)
+    assert worst.radius == pytest.approx(np.sqrt(stats.chi2.ppf(0.999, 2)))
+    assert worst.scenario.flight.chi_deg == worst.drawn["flight.chi_deg"]
+    assert (worst.plant, worst.gains, worst.metric) == ("kinematic", "paper", metric)
+
+
+def test_the_first_generation_is_drawn_from_the_distribution():
+    """Normal scores of NumPy, put onto the ball of 0.999, by the quantiles of the distribution."""
+    worst = ft.worst(plan(START), budget=32, metric="chi.peak_rad", seed=3, workers=1)
+    z = np.random.default_rng(3).standard_normal((32, 1))
+    z = np.clip(z, -worst.radius, worst.radius)
+
+    assert worst.value == worst.first
+    assert worst.drawn["flight.chi_deg"] == pytest.approx(30.0 * stats.norm.cdf(z.max()))
+    assert worst.distance == pytest.approx(z.max())
+    assert worst.value == pytest.approx(np.deg2rad(worst.drawn["flight.chi_deg"]), rel=1e-9)
+
+
 @pytest.mark.parametrize(
-    ("dimension", "radius"), [(1, 3.2905), (2, math.sqrt(2.0 * math.log(1e3)))]
+    ("key", "lower", "upper", "at"),
+    [("flight.chi_deg", 0.0, 30.0, 1.0), ("flight.chi_deg", -30.0, -1.0, -1.0)],
 )
-def test_the_region_has_all_but_a_thousandth_of_a_normal_distribution(dimension, radius):
-    assert worst_module.region_radius(dimension) == pytest.approx(radius, rel=1e-4)
+def test_a_search_comes_to_the_edge_of_its_region_where_the_worst_is(key, lower, upper, at):
+    """The largest error of course is the initial one; the edge is the quantile of the radius."""
+    worst = ft.worst(
+        plan(uniform(key, lower, upper)), budget=32 * 6, metric="chi.peak_rad", workers=1
+    )
+    share = stats.norm.cdf(at * worst.radius)
+
+    edge = lower + share * (upper - lower)
+    assert worst.drawn[key] == pytest.approx(edge, abs=1e-3)
+    assert worst.value == pytest.approx(np.deg2rad(abs(edge)), rel=1e-4)
+    assert worst.value > worst.first
+    assert worst.distance == pytest.approx(worst.radius, rel=1e-3)
 
 
-def test_draws_are_at_the_shares_of_their_normal_scores():
-    """A score of 1 exceeds 84.134 % of a normal distribution; both keys are uniform."""
-    seen = []
+def test_correlated_keys_are_searched_as_they_are_drawn():
+    """At rank 0.95 both are far out only together: the sum of two scores is on the ball's axis."""
+    both = uniform("flight.chi_deg", 0.0, 30.0), uniform("flight.phi_deg", 0.0, 30.0)
+    tables = {"correlation": [{"keys": ["flight.chi_deg", "flight.phi_deg"], "rank": 0.95}]}
+    worst = ft.worst(
+        plan_of(short(), *both, runs=4, **tables), budget=96, metric="chi.peak_rad", workers=1
+    )
 
-    def rows(plan, runs, draws, **options):
-        seen.extend(draws)
-        return [{"run": run, "status": "completed", "chi.ITAE": 1.0} for run in runs]
-
-    z, seeds = np.array([[0.0, 1.0], [-1.0, 0.0], [99.0, -99.0]]), np.array([5, 6, 2**40])
-    with flown_here(rows) as pool:
-        worst_module.StatedSet(small_plan(), pool, metric="chi.ITAE").values(z, seeds)
-
-    drawn = [[x["flight.chi_deg"], x["flight.gamma_deg"]] for x in seen]
-    assert drawn[:2] == [
-        pytest.approx([0.0, 20.0 * 0.841345 - 10.0], abs=1e-4),
-        pytest.approx([40.0 - 80.0 * 0.841345, 0.0], abs=1e-4),
-    ]
-    assert drawn[2] == pytest.approx([40.0, -10.0], abs=1e-6)
-    assert [x["seed"] for x in seen[:2]] == [5, 6]
+    assert worst.drawn["flight.chi_deg"] > 29.0
+    assert worst.drawn["flight.phi_deg"] > 20.0
 
 
-def test_the_reach_of_flights_in_a_tube_is_that_of_all_and_one_channel_can_be_maximised():
-    tubes = [[0.5, 0.1, 0.9], [0.7, 0.6, 0.2], None]
+def test_more_flights_find_no_better_flight_and_another_seed_other_flights():
+    few, more, other = (
+        ft.worst(plan(START, **NOISE), budget=budget, metric="chi.ITAE", seed=seed, workers=1)
+        for budget, seed in ((40, 1), (300, 1), (40, 2))
+    )
+    again = ft.worst(plan(START, **NOISE), budget=300, metric="chi.ITAE", seed=1, workers=1)
 
-    def rows(plan, runs, **options):
-        ends = ({} if x is None else {"tube": x} for x in tubes)
-        return [
-            {"run": run, "status": "completed" if x else "diverged", **x}
-            for run, x in enumerate(ends)
-        ]
-
-    plan = small_plan().with_runs(3)
-    with flown_here(rows) as pool:
-        stated = worst_module.StatedSet(
-            plan, pool, metric="tube", probes={"tube": None}, completed=True
-        )
-        both, one = stated._fly(plan, [{}] * 3), stated._fly(plan, [{}] * 3, 1)
-
-    assert both.tolist() == [0.5, 0.7, -worst_module.FAILED]
-    assert one.tolist() == [0.9, 0.2, -worst_module.FAILED]
-    assert stated.reach.tolist() == [0.6, 0.9]
-    assert (stated.worst["run"], stated.worst["value"], stated.flights) == (1, 0.7, 6)
+    assert few.flights == other.flights == 32  # whole generations
+    assert more.flights == 288
+    assert few.first == more.first == few.value < more.value
+    assert other.first != few.first
+    assert (again.value, again.drawn) == (more.value, more.drawn)
+    assert more.value == pytest.approx(flown_value(more.scenario, "chi.ITAE"), rel=1e-9)
+    assert more.scenario.seed == more.drawn["seed"]
 
 
-def test_a_block_takes_its_rarer_sign():
-    signs = np.array([[1.0, -1.0], [1.0, -1.0], [-1.0, -1.0], [1.0, 1.0], [1.0, 1.0], [-1.0, 1.0],
-                      [-1.0, 1.0]])  # fmt: skip
+BOUNDED = [
+    ({"at_most": {"chi": {"peak_deg": 10.0}}}, lambda peak, itae: peak / 10.0 - 1.0),
+    ({"at_most": {"chi": {"peak_deg": 50.0}}}, lambda peak, itae: peak / 50.0 - 1.0),
+    ({"at_least": {"chi": {"ITAE": 5.0}}}, lambda peak, itae: 1.0 - itae / 5.0),
+    (
+        {"at_most": {"chi": {"peak_deg": 40.0, "ITAE": 1e3}}},
+        lambda peak, itae: max(peak / 40.0, itae / 1e3) - 1.0,
+    ),
+    # nothing is commanded of gamma from which it could settle
+    (
+        {"at_most": {"chi": {"peak_deg": 40.0}, "gamma": {"settling_s": 0.1}}},
+        lambda peak, itae: peak / 40.0 - 1.0,
+    ),
+]
 
-    first, second = (worst_module._other(signs, np.arange(1, 4), channel) for channel in (0, 1))
 
-    assert first[:, 0].tolist() == [1.0, -1.0, -1.0, -1.0, 1.0, -1.0, -1.0]
-    assert first[:, 1].tolist() == signs[:, 1].tolist()
-    assert second[:, 1].tolist() == [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-    # as many of both: down
-    even = worst_module._other(signs, np.array([4, 5]), 0)
-    assert even[4:6, 0].tolist() == [-1.0, -1.0]
+@pytest.mark.parametrize(("bounds", "excess"), BOUNDED)
+def test_a_margin_is_the_largest_excess_over_a_bound(bounds, excess):
+    worst = ft.worst(plan(START, expect=[bounds]), budget=32, workers=1)
+    peak = np.rad2deg(flown_value(worst.scenario, "chi.peak_rad"))
+    itae = flown_value(worst.scenario, "chi.ITAE")
+
+    assert worst.metric == "margin"
+    assert worst.value == pytest.approx(excess(peak, itae), rel=1e-6, abs=1e-9)
+    assert worst.missed or worst.value <= 0.0
 
 
-def test_signs_are_deviations_of_the_start_and_switches_of_the_disturbance():
-    waves = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
-    pushed = small_plan(disturbance=waves)
-    stated = worst_module.StatedSet(pushed, None, sizes=(0.1, 0.2), start_deg=3.0)
-    signs = np.array([[1.0, -1.0], [-1.0, -1.0], [1.0, -1.0], [1.0, -1.0], [1.0, 1.0]])
+@pytest.mark.parametrize("completed", [False, True])
+def test_flights_that_do_not_complete_are_the_worst_unless_they_are_left_out(completed):
+    """More than 90 deg of roll end a flight of the law."""
+    free = {"limits": {}, "disturbance": {"chi_omega_rad_s": 1.0}}
+    turned = uniform("disturbance.chi_amplitude", 0.0, 3.0), uniform("flight.chi_deg", 0.0, 120.0)
+    made = short(**free)
+    made["flight"]["duration_s"] = 3.0
+    flights = plan_of(made, *turned, runs=4)
+    worst = ft.worst(flights, budget=32, metric="chi.ITAE", completed=completed, workers=1)
 
-    plan, (drawn, other) = stated._switched([signs, -signs])
+    assert (worst.status == "completed") is completed
+    assert bool(np.isinf(worst.value)) is not completed
+    assert worst.endings
+    assert all(x["status"] in ("diverged", "invalid") for x in worst.endings)
 
-    rate = plan.scenario.controller.rate_hz
-    assert (drawn["flight.chi_deg"], drawn["flight.gamma_deg"]) == (3.0, -3.0)
-    amplitudes = [f"disturbance.{channel}_amplitude" for channel in ("chi", "gamma")]
-    assert [drawn[name] for name in amplitudes] == [-0.1, -0.2]
-    assert [other[name] for name in amplitudes] == [0.1, 0.2]
-    assert drawn["disturbance.chi_switch_s"] == [1.0 / rate]
-    assert drawn["disturbance.gamma_switch_s"] == [3.0 / rate]
-    assert plan.scenario.disturbance is None
-    assert (plan.runs, [*plan.keys]) == (2, ["flight.chi_deg", "flight.gamma_deg"])
+
+REFUSED = [
+    (START, {"metric": "mood"}, r"`metric` must be margin or one of chi.ITAE, .*got 'mood'"),
+    (START, {"budget": 31}, "`budget` must be at least 32, got 31"),
+    (START, {"gains": "K9"}, "`gains`.*K9|K9"),
+    (START, {"plant": "other"}, "`plant` must be one of kinematic, got other"),
+    (START, {"start_deg": 2.0}, "`start_deg` must be absent for what is no scenario"),
+    (START, {"disturbance": 0.1}, "`disturbance` must be absent for what is no scenario"),
+    (None, {}, "`disperse` must name a key to search"),
+]
+
+
+@pytest.mark.parametrize(("drawn", "options", "words"), REFUSED)
+def test_what_cannot_be_searched_is_refused_in_a_line(drawn, options, words):
+    with pytest.raises(ft.FlightTuneError, match=words) as caught:
+        ft.worst(plan(*([drawn] if drawn else [])), workers=1, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_flights_of_a_tube_stay_inside_and_tell_how_much_wider_it_is(proven):
+    """The search reaches nearly all of a tube of 0.3 s, and never leaves it."""
+    tube, file = proven
+
+    worst = ft.worst(file, budget=400, workers=1)
+
+    assert 0.5 < worst.value <= 1.0 + 1e-9
+    assert not worst.contradicts
+    assert worst.family in ("bang_bang", "square_wave")
+    assert worst.flights <= 400
+    for channel in ("chi", "gamma"):
+        assert worst.ratio[channel] >= worst.ratio_of_search[channel] * (1.0 - 1e-9)
+        assert worst.ratio_of_search[channel] >= 1.0 - 1e-9
+    (run,) = ft.fly(worst.scenario).runs
+    bounds = tube.bounds.of(["chi_err", "gamma_err"])
+    assert bounds.share(run.signals) == pytest.approx(worst.value, rel=1e-6)
+
+
+def test_a_band_is_searched_for_the_flight_nearest_to_its_edge(tmp_path):
+    turn = ft.scenario_from(short())
+    few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 29, "gains": "paper"}
+    band = ft.band(turn, start_deg=2.0, plant="kinematic", workers=1, out=tmp_path / "b.npz", **few)
+
+    worst = ft.worst(tmp_path / "b.npz", budget=64, workers=1)
+
+    assert worst.metric == "band"
+    assert worst.first > 0.5
+    assert worst.value >= worst.first
+    assert (worst.value > 1.0) == (
+        not band.bounds(np.arange(26) / 50.0).contain(ft.fly(worst.scenario).runs[0].signals)
+    )
+    for options in ({"metric": "margin"}, {"gains": "paper"}, {"start_deg": 1.0}):
+        with pytest.raises(ft.InputError, match="must be absent for a tube or band file"):
+            ft.worst(tmp_path / "b.npz", **options)
+
+
+def test_claims_that_are_of_no_flights_are_refused(tmp_path):
+    ft.certify("paper", "paper").certificate.save(tmp_path / "c.json")
+
+    with pytest.raises(ft.InputError, match="must be of flights, to be searched"):
+        ft.worst(tmp_path / "c.json")
