@@ -33,3 +33,9 @@ def flighttune(*arguments, status=0, cwd=None):
 def answer(*arguments, status=0, cwd=None):
     """The JSON object a command prints."""
     return json.loads(flighttune(*arguments, "--json", status=status, cwd=cwd)[0])
+
+
+def written(folder):
+    """The files that commands wrote in a folder; what they were given there are links."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+    return {path.relative_to(folder).as_posix() for path in files}
