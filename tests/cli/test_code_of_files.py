@@ -16,6 +16,7 @@ from made_up import run_file
 
 import flighttune as ft
 from flighttune.base.files import code
+from flighttune.campaigns.engine import pool
 from flighttune.campaigns.engine.flyer import Flyer, work_of
 from flighttune.campaigns.flying.rows import Draw
 
@@ -233,15 +234,17 @@ def received(tmp_path_factory):
     folder = written(tmp_path_factory.mktemp("received"))
     few = {"epsilon": 0.5, "confidence": 0.9, "flights": 4}
     mine = {"gains": "mine:paper", "start_deg": 2.0}
-    with chdir(folder), code.running(code.Runs.NAMED), flown_here():
+    with chdir(folder), code.running(code.Runs.NAMED), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pool, "Flyer", Flyer)  # its process has this working folder
         ft.record(flown := ft.fly("with_aircraft.toml"), "run", name="run")
         run_file(Path("mine.parquet"), flown["kinematic / mine:paper"])
         ft.run_campaign("campaign.toml", "campaign", workers=1)
         ft.tube("scenario.toml", "paper", start=0.01).save("tube.npz")
         ft.certify("scenario.toml", "paper").certificate.save("certificate.json")
-        ft.band("scenario.toml", learn=10, **few, **mine).save("band.npz")
-        ft.band("scenario_of_route.toml", learn=10, **few, **mine).save("route.npz")
-        ft.monitor("with_aircraft.toml", learn=20, **few, **mine).save("monitor.npz")
+        with flown_here():
+            ft.band("scenario.toml", learn=10, **few, **mine).save("band.npz")
+            ft.band("scenario_of_route.toml", learn=10, **few, **mine).save("route.npz")
+            ft.monitor("with_aircraft.toml", learn=20, **few, **mine).save("monitor.npz")
     return folder
 
 
