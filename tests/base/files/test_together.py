@@ -14,16 +14,15 @@ import flighttune as ft
 
 KILLED_WHILE_MOVED = """
 import os, sys
-replaced = os.replace
+replaced, last = os.replace, sys.argv.pop(1)
 
 def replace(name, *place, **folders):
-    if name == sys.argv[1]:  # not its unfinished file, which has another name
+    if name == last:  # not its unfinished file, which has another name
         os.kill(os.getpid(), 9)
     return replaced(name, *place, **folders)
 
 os.replace = replace
 from flighttune.cli import main
-sys.argv[1:2] = []
 main()
 """
 
