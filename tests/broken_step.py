@@ -156,7 +156,7 @@ def _files() -> set[str]:
 
 
 def _status(arguments: list[str]) -> int:
-    from flighttune.cli import main
+    from commands import main
 
     sys.argv = ["flighttune", *arguments]
     try:

@@ -31,7 +31,7 @@ def run(number, at, command, file):
                 sent = True
                 os.kill(os.getpid(), number)
 
-    from flighttune.cli.app import main
+    from commands import main
 
     sys.argv = ["flighttune", *command]
     sys.setprofile(watch)
@@ -47,8 +47,11 @@ def run(number, at, command, file):
 
 
 if __name__ == "__main__":
-    import flighttune.cli.app
-    import flighttune.vehicles.plants.jsbsim.trim  # noqa: F401
+    import commands  # noqa: F401
+
+    import flighttune as ft
+
+    ft.trim("aerosonde", V_a=[25.0])  # JSBSim is imported before the first copy
 
     # A shell starts background commands, and so tests, with SIGINT ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -6,7 +6,6 @@ import pytest
 from places import ROOT, SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.vehicles.aircraft.aircraft import property_name
 
 
 def config_of(aircraft):
@@ -83,21 +82,3 @@ def test_a_file_is_read_once_and_again_when_it_was_written_to(tmp_path):
     file.unlink()
     with pytest.raises(ft.InputError, match=r"aircraft\.toml: .*readable"):
         config_of(folder)
-
-
-@pytest.mark.parametrize(
-    ("name", "written"),
-    [
-        ("fcs/throttle-cmd-norm", "fcs/throttle-cmd-norm"),
-        ("/fdm/jsbsim/fcs/throttle-cmd-norm", "fcs/throttle-cmd-norm"),
-        ("/controls/gear", "/controls/gear"),
-        # JSBSim takes doubled slashes, dots, a slash at the end, and none after an index
-        ("fcs//aileron/", "fcs/aileron"),
-        ("fcs/./a/../aileron", "fcs/aileron"),
-        ("../../controls/gear", "/controls/gear"),
-        ("propulsion/engine[1]thrust-lbs", "propulsion/engine[1]/thrust-lbs"),
-        ("", ""),
-    ],
-)
-def test_a_property_is_written_by_its_name_in_the_tree(name, written):
-    assert property_name(name) == written

@@ -8,7 +8,6 @@ import pytest
 from test_tuned_on_identified import NOTHING_ASKED, UNUSED, manoeuvre
 
 import flighttune as ft
-from flighttune.flight.models import identified_problems
 
 pytestmark = pytest.mark.slow
 
@@ -61,9 +60,8 @@ def test_better_on_other_aircraft(name):
 def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
     """R_K is maximised in units in which the problem is the same for any lag of one shape."""
     scenario = manoeuvre(UNUSED["left"], law="exact")
-    gains = ft.tune(scenario, model="identified").gains
-    (problem,) = identified_problems(scenario)
-    lags = problem.scaling[-2:]
+    tuned = ft.tune(scenario, model="identified")
+    gains, lags = tuned.gains, tuned.problem.scaling[-2:]
 
     assert gains.law == "exact"
     assert np.count_nonzero(gains.K_P) == 2

@@ -9,8 +9,6 @@ import pytest
 from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.outputs.answers.advice import mistake
-from flighttune.outputs.answers.verdict import short
 
 pytestmark = pytest.mark.slow
 
@@ -37,14 +35,11 @@ def test_every_scenario_flies_and_comes_to_what_it_expects(name):
     claim, scenario = flown(name).claim, flown(name).scenario
     assert claim.missed == ()
     assert claim.verdict == ("met" if scenario.expect else "not tested")
-    # a report has 60 words before its first figure, and needs 12 for the best gains
-    assert len(f"{scenario.title} Claim: {scenario.verifies} {short(claim)}".split()) <= 48
     for run in flown(name).runs:
         assert (run.status == "completed") == (run.reason == "")
         if run.status == "completed" and scenario.route is None:
             assert run.duration == pytest.approx(scenario.flight.duration_s)
         assert np.isfinite(run.signals.to_numpy()).all()
-        assert mistake(run) == ""
 
 
 @pytest.mark.soak

@@ -3,25 +3,17 @@
 import inspect
 import pydoc
 import re
-from collections.abc import Mapping
 from functools import cache
 from operator import attrgetter
-from pathlib import Path
 from types import FunctionType, MethodType
-from typing import Annotated, Any, Literal
 
-import numpy as np
-import numpy.typing as npt
 import pytest
 from site_reference import public_names
 
 import flighttune as ft
-from flighttune.base.arrays import FloatArray
-from flighttune.base.signatures import short_signature, short_type
 
 # Characters: of a call or a value with few parameters, and of each parameter where there are more.
 LONGEST, PER_PARAMETER = 300, 27
-ARRAY = np.zeros(3)
 INTERNALS = "numpy", "pydantic", "typing", "flighttune.", "Annotated", "Validator", "0x", "factory"
 
 
@@ -64,32 +56,22 @@ def test_help_shows_the_short_signature():
 
 
 @pytest.mark.parametrize(
-    ("annotation", "shown"),
+    ("call", "words"),
     [
-        (FloatArray, "ndarray"),
-        (FloatArray | None, "ndarray | None"),
-        (npt.ArrayLike, "array_like"),
-        (npt.ArrayLike | None, "array_like | None"),
-        (npt.NDArray[np.complex128], "ndarray"),
-        (Annotated[float, "rad"], "float"),
-        (Literal["exact", "rtk"] | float, "str | float"),
-        (Mapping[str, Any], "Mapping"),
-        (tuple[float, ...], "tuple[float, ...]"),
-        (None | str | Path, "str | Path | None"),
-        (list[str | ft.PIGains], "list[str | PIGains]"),
-        ("Scenario | None", "Scenario | None"),
+        (ft.loop.indicators, "A_K: array_like"),
+        (ft.PIGains, "K_P: ndarray"),
+        (ft.certify, "gains: PIGains | str = None"),
+        (ft.trim, "V_a: "),
+        (ft.load_scenario, "path: str | Path"),
+        (ft.fly, "gains=()"),
+        (ft.tune, "changes: Mapping = None"),
     ],
 )
-def test_a_type_is_shown_by_its_own_name(annotation, shown):
-    assert short_type(annotation) == shown
+def test_a_type_is_shown_by_its_own_name_and_a_default_by_its_value(call, words):
+    text = str(inspect.signature(call))
 
-
-def test_a_default_stands_for_its_type_and_a_long_one_for_nothing():
-    def call(a: float, b: int = 3, c: str | None = None, d: Any = ARRAY) -> None: ...
-
-    assert str(short_signature(inspect.signature(call))) == (
-        "(a: float, b=3, c: str = None, d=...) -> None"
-    )
+    assert words in text
+    assert text.count("(") == text.count(")")
 
 
 def test_a_subclass_has_the_signature_of_its_own_constructor():

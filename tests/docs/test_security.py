@@ -3,8 +3,9 @@
 import re
 from pathlib import Path
 
+from commands import COMMANDS, FORMER
+
 import flighttune as ft
-from flighttune.cli import options
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
@@ -13,7 +14,6 @@ ROWS = [
     for line in TEXT.splitlines()
     if line.startswith("| ") and not line.startswith("| promise")
 ]
-VERBS = {name for panel in options.COMMANDS.values() for name in panel}
 
 # Words in backticks that are no commands: ends of files, and what a row says of one.
 WORDS = re.compile(r"\.\w+|SCENARIO@GAINS|my_law\.py")
@@ -43,14 +43,12 @@ def test_promises_are_about_todays_verbs():
             if words.startswith("ft."):
                 assert hasattr(ft, words.removeprefix("ft."))
             elif not WORDS.fullmatch(words):
-                assert words.split()[0] in VERBS, words
+                assert words.split()[0] in COMMANDS, words
 
 
 def test_no_command_of_an_earlier_version_is_named():
     # some are names of Python, which stand behind `ft.`
-    gone = [
-        name for name in options.FORMER if re.search(rf"`(flighttune )?{re.escape(name)}\b", TEXT)
-    ]
+    gone = [name for name in FORMER if re.search(rf"`(flighttune )?{re.escape(name)}\b", TEXT)]
     assert gone == []
 
 

@@ -67,18 +67,18 @@ class Reproduction(Answering):
     """Files and results of `reproduce`."""
 
     items: list[tuple[Item, Made, list[Path]]]  # with their files: figures, tables and text
-    findings: list[Finding]  # every claim with its verdict
+    findings: list[Finding]  # every judged claim with its verdict
     page: Path
-    errata: Path
+    errata: Path | None
 
 
 def answer(made: Reproduction) -> Answer:
-    """Items with their files, and every claim with its verdict."""
+    """Items with their files, and every judged claim with its verdict."""
     keys = "id text where verdict expected computed"
     findings = [pick(finding, keys) for finding in made.findings]
     counts = Counter(finding.verdict for finding in made.findings)
-    # For some items the page lists their few claims.
-    listed = findings if len(made.items) == len(ITEMS) else []
+    # The page has all claims.
+    listed = findings if len(made.items) in (0, len(ITEMS)) else []
     return Answer(
         values={
             "items": [
@@ -115,23 +115,30 @@ def reproduce(
     study: Study | None = None,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Make items of the paper, all by default, and judge every claim."""
+    """Make items of the paper, all by default, and judge its claims: all, or those that are named.
+
+    Errata are computed with all claims alone.
+    """
     for name in names:
-        if name not in ITEMS:
-            near = shipped.nearest_name(name, ITEMS)
-            raise InputError(f"`ITEM` must be one of {', '.join(ITEMS)}, got {name}{near}")
+        if name not in ITEMS and name not in CLAIMS:
+            near = shipped.nearest_name(name, {**ITEMS, **CLAIMS})
+            raise InputError(
+                f"`ITEM` must be one of {', '.join(ITEMS)}, or the id of a claim, got {name}{near}"
+            )
     study, folder = Study() if study is None else study, Path(out)
     chosen, tell = [x for x in ITEMS if x in names or not names], progress or (lambda *_: None)
+    named = [x for x in CLAIMS if x in names]
+    judged = named or [*CLAIMS]
     outputs, findings = {}, []
     for k, name in enumerate(chosen):
         tell("items", k / len(chosen))
         outputs[name] = ITEMS[name].make(study)
     tell("items", 1.0)
-    for k, name in enumerate(CLAIMS):
-        tell("claims", k / len(CLAIMS))
+    for k, name in enumerate(judged):
+        tell("claims", k / len(judged))
         findings.append(judge(name, study))
     tell("claims", 1.0)
-    parts = errata(study)
+    parts = [] if named else errata(study)
     text = [HEAD.rstrip(), *(f"## {part.title}\n\n{part.markdown()}" for part in parts)]
     with together(folder):
         items = [
@@ -148,7 +155,7 @@ def reproduce(
             errata=parts,
             text=text_of,
         )
-        listed = write_text(folder / "errata.md", "\n\n".join(text) + "\n")
+        listed = None if named else write_text(folder / "errata.md", "\n\n".join(text) + "\n")
     return Reproduction(items=items, findings=findings, page=page.path, errata=listed)
 
 

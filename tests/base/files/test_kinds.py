@@ -1,6 +1,5 @@
-"""Kinds of files by their content, and the hash that they carry of themselves."""
+"""The kind of a file is that of its content, whatever its name, and a wrong one is named."""
 
-import hashlib
 import io
 import zipfile
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.base.files import load
 
 BAND = b'{"about": 1, "format": "flighttune band 3", "flights": 2}'
 
@@ -20,8 +18,7 @@ def archived(packing, member=BAND, name="about.json"):
     return held.getvalue()
 
 
-def arrays_with(text):
-    """An archive of NumPy whose first array is a text."""
+def array_of(text):
     held = io.BytesIO()
     np.savez(held, format=np.array(text))
     return held.getvalue()
@@ -32,106 +29,102 @@ def mavlink(magic):
     return b"\x00\x05\xf0\x11\x22\x33\x44\x55" + magic + b"\x09\x00"
 
 
-CONTENTS = {
-    "rerun": (b"RRF2....", load.RECORDING),
-    "parquet": (b"PAR1....", load.RECORDING),
-    "ulog": (b"ULog\x01\x12\x35\x01", load.LOG),
-    "dataflash": (b"\xa3\x95\x80\x80", load.LOG),
-    "text of dataflash": (b"FMT, 128, 89, FMT, BBnNZ", load.LOG),
-    "labels": (b"<LABELS>Time</LABELS>", load.LOG),
-    "mavlink 1": (mavlink(b"\xfe"), load.LOG),
-    "mavlink 2": (mavlink(b"\xfd"), load.LOG),
-    "no mavlink": (mavlink(b"\xfc"), ""),
-    "a short file": (mavlink(b"")[:8], ""),
-    "json": (BAND, load.BAND),
-    "json of another": (BAND.replace(b"flighttune", b"othertune"), ""),
-    "json that says so late": (b"{" + b" " * load.HEAD + BAND[1:], ""),
-    "deflated": (archived(zipfile.ZIP_DEFLATED), load.BAND),
-    "stored": (archived(zipfile.ZIP_STORED), load.BAND),
-    "an array": (arrays_with(BAND.decode()), load.BAND),
-    "nothing": (b"", ""),
+RECORDING, LOG, SEALED = "got a recording", "got the log of a flight", "a band file with the SHA"
+OTHER, ARCHIVE = "got another file", "an archive that flighttune did not write, or"
+KINDS = {
+    "rerun": (b"RRF2....", RECORDING),
+    "parquet": (b"PAR1....", RECORDING),
+    "ulog": (b"ULog\x01\x12\x35\x01", LOG),
+    "dataflash": (b"\xa3\x95\x80\x80", LOG),
+    "text of dataflash": (b"FMT, 128, 89, FMT, BBnNZ", LOG),
+    "labels": (b"<LABELS>Time</LABELS>", LOG),
+    "mavlink 1": (mavlink(b"\xfe"), LOG),
+    "mavlink 2": (mavlink(b"\xfd"), LOG),
+    "no mavlink": (mavlink(b"\xfc"), OTHER),
+    "a short file": (mavlink(b"")[:8], OTHER),
+    "json": (BAND, SEALED),
+    "json of another": (BAND.replace(b"flighttune", b"othertune"), "got 'othertune band 3'"),
+    "json that says so late": (b"{" + b" " * 2_000_000 + BAND[1:], "got 'flighttune band 3'"),
+    "deflated": (archived(zipfile.ZIP_DEFLATED), SEALED),
+    "stored": (archived(zipfile.ZIP_STORED), SEALED),
+    "an array": (array_of(BAND.decode()), SEALED),
+    "an archive that is cut off": (archived(zipfile.ZIP_DEFLATED)[:-20], ARCHIVE),
+    "another archive": (archived(zipfile.ZIP_DEFLATED, b"nothing"), ARCHIVE),
+    "nothing": (b"", "got an empty file"),
 }
 
 
-@pytest.mark.parametrize("name", CONTENTS)
-def test_the_kind_of_a_file_is_that_of_its_content_whatever_its_name(tmp_path, name):
-    content, kind = CONTENTS[name]
-    for ending in (".data", ".json"):
+@pytest.mark.parametrize("name", KINDS)
+def test_a_claim_that_is_another_file_is_refused_by_what_it_is(tmp_path, name):
+    content, words = KINDS[name]
+    for ending in (".data", ".json", ".npz"):
         file = tmp_path / f"x{ending}"
         file.write_bytes(content)
-        assert load.kind_of(file) == kind
+        with pytest.raises(ft.InputError) as refusal:
+            ft.verify(file)
+        assert words in str(refusal.value)
+        assert str(refusal.value).startswith(f"{file}: ")
 
 
-def test_an_archive_that_is_cut_off_or_of_another_program_is_refused_unless_it_is_a_map(tmp_path):
-    whole = archived(zipfile.ZIP_DEFLATED)
-    for content in (whole[:-20], archived(zipfile.ZIP_DEFLATED, b"nothing")):
-        (tmp_path / "x.npz").write_bytes(content)
-        with pytest.raises(ft.InputError, match=r"x\.npz: .* archive"):
-            load.kind_of(tmp_path / "x.npz")
-        (tmp_path / "x.KMZ").write_bytes(content)
-        assert load.kind_of(tmp_path / "x.KMZ") == ""
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("x.csv", LOG),
+        ("x.TLOG", LOG),
+        ("x.rrd", RECORDING),
+        ("x.csv@1:2", LOG),
+        ("folder", "got a"),
+    ],
+)
+def test_a_file_without_a_mark_is_what_its_ending_says(tmp_path, name, words):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / name.partition("@")[0]).touch()
+    if name != "folder":
+        (tmp_path / name.partition("@")[0]).write_bytes(b"?")
+
+    with pytest.raises(ft.InputError, match=words):
+        ft.verify(f"{tmp_path / name}")
 
 
-def test_a_kind_without_a_mark_is_that_of_the_ending_and_a_folder_has_its_own(tmp_path):
-    for ending, kind in ((".csv", load.LOG), (".TLOG", load.LOG), (".rrd", load.RECORDING)):
-        (tmp_path / f"x{ending}").write_bytes(b"?")
-        assert load.kind_of(tmp_path / f"x{ending}") == kind
-    assert load.kind_of(tmp_path) == load.RECORDING
-    (tmp_path / load.CAMPAIGN).write_text("{}")
-    assert load.kind_of(tmp_path) == load.DATASET
-    assert load.kind_of(f"{tmp_path / 'x.csv'}@mine") == load.LOG
-
-
-def test_a_seal_is_the_hash_of_all_other_bytes():
-    data = load.seal(b"before" + load.BLANK.encode() + b"after")
-
-    digest = hashlib.sha256(b"beforeafter").hexdigest().encode()
-    assert data == b"before" + load.MARK + digest + b"after"
-
-
-@pytest.mark.parametrize("size", [0, 10, 3 * 2**20 + 5])
-def test_a_seal_at_the_end_is_the_hash_of_what_comes_before(tmp_path, size):
-    file, before = tmp_path / "x", bytes(range(256)) * (size // 256) + b"!" * (size % 256)
-    file.write_bytes(before + load.BLANK.encode())
-
-    load.seal_end(file)
-
-    digest = hashlib.sha256(before).hexdigest().encode()
-    assert file.read_bytes() == before + load.MARK + digest
-    assert load.sealed_bytes(file, "file") == file.read_bytes()
-
-
-def test_a_sealed_file_that_is_changed_or_another_is_refused(tmp_path):
-    file = tmp_path / "x"
-    sealed = load.seal(b"before" + load.BLANK.encode() + b"after")
-    for content, said in (
-        (sealed.replace(b"before", b"Before"), "another SHA-256"),
-        (sealed[:-1], "another SHA-256"),
-        (b"beforeafter", "got none"),
-        (b"", "an empty file"),
-        (load.seal(BAND + load.BLANK.encode()), "got a band file"),
-    ):
-        file.write_bytes(content)
-        with pytest.raises(ft.InputError, match=said):
-            load.sealed_bytes(file, "recording")
-    with pytest.raises(ft.InputError, match="got a folder"):
-        load.file_bytes(tmp_path, "recording")
+@pytest.mark.parametrize("read", [ft.load, ft.load_gains, ft.refly, ft.verify])
+def test_a_file_that_is_not_there_is_one_line(tmp_path, read):
     with pytest.raises(ft.InputError, match="no such file"):
-        load.file_bytes(tmp_path / "none", "recording")
-    file.write_bytes(b"12345")
-    assert load.file_bytes(file, "recording", 3) == b"123"
-    assert load.file_bytes(file, "recording") == b"12345"
+        read(tmp_path / "none.json")
 
 
-def test_a_file_of_another_kind_is_refused_by_what_it_is(tmp_path):
-    band, other = tmp_path / "band.json", tmp_path / "other.json"
-    band.write_bytes(BAND)
-    other.write_bytes(BAND.replace(b"flighttune", b"othertune"))
+KML = (
+    '<kml xmlns="http://www.opengis.net/kml/2.2"><LineString><coordinates>8.5,47.4,500 '
+    "8.52,47.4,500</coordinates></LineString></kml>"
+)
 
-    with pytest.raises(ft.InputError, match="must be a certificate, got a band file"):
-        load.load_one(str(band), "certificate", load.CERTIFICATE)
-    with pytest.raises(ft.InputError, match="`format` must be that of a certificate, got 'other"):
-        load.load_one(other, "certificate", load.CERTIFICATE)
-    assert load.load_one(3, "certificate", load.CERTIFICATE) == 3
-    assert load.written(band, load.CERTIFICATE) is None
-    assert load.written(3, load.CERTIFICATE) is None
+
+def kmz(*members, packing=zipfile.ZIP_DEFLATED):
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", packing) as file:
+        for name, text in members:
+            file.writestr(name, text)
+    return held.getvalue()
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_map_in_an_archive_is_the_map_and_what_is_wrong_with_it_is_said(tmp_path):
+    (tmp_path / "x.kml").write_text(KML)
+    plain = ft.route(tmp_path / "x.kml").answer().values
+    for packing in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        data = kmz(("image.png", "x" * 5000), ("doc.kml", KML), packing=packing)
+        (tmp_path / "x.kmz").write_bytes(data)
+        packed = ft.route(tmp_path / "x.kmz").answer().values
+        assert {**packed, "route": ""} == {**plain, "route": ""}
+    stored = kmz(("x.kml", KML), packing=zipfile.ZIP_STORED)
+    for data, words in (
+        (kmz(("x.kml", KML), ("x.kml", KML)), "`x.kml` must be in the file once"),
+        (kmz(("x.kml", KML), packing=zipfile.ZIP_LZMA), "`x.kml` must be stored or deflated"),
+        (kmz(("x.txt", KML)), "must hold one .kml file, got 0"),
+        (stored.replace(b"47.4", b"47.5"), "got"),  # its checksum is wrong
+        (b"PK no archive", "got"),
+    ):
+        (tmp_path / "x.KMZ").write_bytes(data)
+        with pytest.raises(ft.InputError) as refusal:
+            ft.route(tmp_path / "x.KMZ")
+        assert words in str(refusal.value)
+        assert "\n" not in str(refusal.value)

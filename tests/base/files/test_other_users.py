@@ -16,8 +16,9 @@ from fuzzing import in_child
 from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.base.files import owned, whole
+from flighttune.base.files import owned
 
+WHOLE = ".flighttune.whole"
 ME, OTHER, LONG_AGO = 1234, 65534, (0.0, 0.0)
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="only root makes files of other users")
@@ -28,33 +29,33 @@ def written(place, text="theirs"):
     place.write_text(text)
 
 
-def answer(folder, name=whole.WHOLE, mark=True, mode=0o700):
+def answer(folder, name=WHOLE, mark=True, mode=0o700):
     """An answer that is being put in place, with a file to move and one to remove."""
     made = folder / name
-    written(made / whole.NEW / "victim" / "law.py")
-    written(made / whole.NEW / "turn.toml")
-    written(made / whole.OLD / "victim" / "precious.txt", "")
+    written(made / "new" / "victim" / "law.py")
+    written(made / "new" / "turn.toml")
+    written(made / "old" / "victim" / "precious.txt", "")
     if mark:
-        written(made / whole.MARK, "")
+        written(made / ".flighttune-answer", "")
     made.chmod(mode)
     os.utime(made, LONG_AGO)
     return made
 
 
 def files_instead(folder, make):
-    shutil.rmtree(answer(folder) / whole.NEW)
-    make(folder / whole.WHOLE / whole.NEW)
+    shutil.rmtree(answer(folder) / "new")
+    make(folder / WHOLE / "new")
 
 
 def link_in_place(folder):
     """A place of a file behind a link that leads out of the folder."""
     (folder / "link").symlink_to("../home")
-    written(answer(folder) / whole.NEW / "link" / "law.py")
+    written(answer(folder) / "new" / "link" / "law.py")
 
 
 def further_folder(folder):
     """A folder that the command does not name, listed as version 0.5.0 did."""
-    written(folder.parent / "home" / ".flighttune-y" / whole.NEW / "law.py")
+    written(folder.parent / "home" / ".flighttune-y" / "new" / "law.py")
     written(answer(folder) / "others", f"{folder.parent}/home/.flighttune-y")
 
 
@@ -63,14 +64,14 @@ PUT = {
     "an answer": answer,
     "an answer that everybody can change": lambda x: answer(x, mode=0o777),
     "an answer without a mark": lambda x: answer(x, mark=False),
-    "an answer that is a link": lambda x: (x / whole.WHOLE).symlink_to("../home"),
-    "an answer that is a pipe": lambda x: os.mkfifo(x / whole.WHOLE),
-    "an answer that is a file": lambda x: (x / whole.WHOLE).touch(),
-    "a deep answer": lambda x: (answer(x) / whole.NEW / Path(*["d"] * 100)).mkdir(parents=True),
+    "an answer that is a link": lambda x: (x / WHOLE).symlink_to("../home"),
+    "an answer that is a pipe": lambda x: os.mkfifo(x / WHOLE),
+    "an answer that is a file": lambda x: (x / WHOLE).touch(),
+    "a deep answer": lambda x: (answer(x) / "new" / Path(*["d"] * 100)).mkdir(parents=True),
     "files that are a link": lambda x: files_instead(x, lambda new: new.symlink_to("../../home")),
     "files that are a pipe": lambda x: files_instead(x, os.mkfifo),
-    "a file that is a pipe": lambda x: os.mkfifo(answer(x) / whole.NEW / "pipe"),
-    "a file that is a link": lambda x: (answer(x) / whole.NEW / "l").symlink_to("/dev/zero"),
+    "a file that is a pipe": lambda x: os.mkfifo(answer(x) / "new" / "pipe"),
+    "a file that is a link": lambda x: (answer(x) / "new" / "l").symlink_to("/dev/zero"),
     "a place that is a link": link_in_place,
     "a further folder": further_folder,
     "itself as a further folder": lambda x: written(answer(x) / "others", "./.flighttune-x"),
@@ -85,15 +86,18 @@ PUT = {
 """What may stand in a folder in which others write."""
 
 
+def proof():
+    return ft.certify("paper", "paper").certificate
+
+
 def two_files(folder):
-    with whole.together(folder):
-        whole.write_text(folder / "one.txt", "one")
-        whole.write_text(folder / "two.txt", "two")
+    files = ("--out", folder / "one.json", "--figure", folder / "two.svg")
+    flighttune("certify", "paper", "--gains", "paper", *files, status=None)
 
 
 COMMANDS = {
     "reads": lambda x: (ft.load_scenario(x / "turn.toml"), ft.load(x / "turn.toml")),
-    "writes a file": lambda x: whole.write_text(x / "one.txt", "one"),
+    "writes a file": lambda x: proof().save(x / "one.json"),
     "writes an answer": two_files,
     "writes a scenario": lambda x: flighttune("new", x / "mine", status=None),
 }
@@ -171,10 +175,10 @@ def test_what_stands_in_a_shared_folder_changes_no_file_of_mine(shared, put, pac
     after = files_of(shared.parent)
     assert {name: after.get(name) for name in before} == before
     if put is PUT["nothing"]:
-        assert {"one.txt", "two.txt", "mine.toml", ".flighttune"} <= {*os.listdir(shared)}
+        assert {"one.json", "two.svg", "mine.toml", ".flighttune"} <= {*os.listdir(shared)}
 
 
-@pytest.mark.parametrize("name", [".flighttune-x", whole.WHOLE])
+@pytest.mark.parametrize("name", [".flighttune-x", WHOLE])
 def test_a_folder_of_mine_that_others_renamed_stays(shared, name):
     """In a folder without the sticky bit everybody can rename what is in it."""
     given_to(OTHER, shared)

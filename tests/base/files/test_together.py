@@ -4,214 +4,119 @@ import json
 import os
 import subprocess
 import sys
-from threading import Timer
 
 import pytest
+from commands import flighttune
 from killed import each_end, files_in
 from made_up import scenario_file, shortened
 
 import flighttune as ft
-from flighttune.base.files import whole
-
-LONGEST_NAME = 255  # bytes, on all usual file systems
 
 KILLED_WHILE_MOVED = """
-import os, pathlib, sys
-from flighttune.base.files.whole import remove_file, together, write_text
-replaced, folder = os.replace, pathlib.Path(sys.argv[1])
+import os, sys
+replaced, last = os.replace, sys.argv.pop(1)
+
 def replace(name, *place, **folders):
-    if name == "b.json":  # not its unfinished file, which has another name
+    if name == last:  # not its unfinished file, which has another name
         os.kill(os.getpid(), 9)
     return replaced(name, *place, **folders)
+
 os.replace = replace
-with together(folder):
-    remove_file(folder / "stale.txt")
-    for name in ("a.json", "b.json", "sub/c.json"):
-        write_text(folder / name, '{"is": "new"}')
-    write_text(folder.with_name("elsewhere") / "page.html", "new")
+from flighttune.cli import main
+main()
 """
-
-
-def text_of(folder):
-    """Texts of the files below a folder, without those that are staged."""
-    names = [name for name in files_in(folder) if not name.startswith(".")]
-    return {name: (folder / name).read_text() for name in names}
-
-
-def left(folder, new=None, old=()):
-    """What a killed command leaves in a folder: files to move, and names of files to remove."""
-    made = folder / whole.WHOLE
-    files = {whole.MARK: ""} | {f"{whole.NEW}/{name}": text for name, text in (new or {}).items()}
-    for name, text in (files | {f"{whole.OLD}/{name}": "" for name in old}).items():
-        (made / name).parent.mkdir(parents=True, exist_ok=True)
-        (made / name).write_text(text)
-    made.chmod(0o700)
-    return made
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with an old answer of two files, one that the new one lacks, and a note."""
+    """A folder with a gains file, a folder in the place of a page, and a note."""
     made = tmp_path / "answer"
-    made.mkdir()
-    for name in ("a.json", "b.json", "stale.txt", "notes.txt"):
-        (made / name).write_text('{"is": "old"}')
+    (made / "page.html").mkdir(parents=True)
+    (made / "notes.txt").write_text("mine")
+    (made / "gains.json").write_text("old")
     return made
 
 
-def test_nothing_of_an_answer_is_there_before_all_of_it(folder):
-    before = text_of(folder)
+def test_what_cannot_be_moved_is_one_line_before_anything_is(folder):
+    before = files_in(folder)
+    files = ("--out", folder / "gains.json", "--page", folder / "page.html")
 
-    with whole.together(folder):
-        whole.write_text(folder / "a.json", "new")
-        whole.remove_file(folder / "stale.txt")
-        assert whole.current(folder / "a.json").read_text() == "new"
-        assert text_of(folder) == before
+    _, said = flighttune("tune", "paper_as_printed", *files, status=2)
 
-    del before["stale.txt"]
-    assert text_of(folder) == before | {"a.json": "new"}
+    assert "answer/page.html: must be writable, got is a directory" in said
+    assert said.count("\n") == 1
+    assert files_in(folder) == before
     assert not [*folder.glob(".*")]
 
 
-def test_files_of_other_folders_get_their_places_too_and_one_that_is_not_there_is_none(folder):
-    elsewhere = folder.with_name("elsewhere")
+def test_an_answer_replaces_its_files_alone_and_leaves_nothing_hidden(folder):
+    page = folder.with_name("elsewhere") / "deep" / "loop.svg"
+    unfinished, of_the_user = folder / ".flighttune-0", folder / f".mine-{'0' * 32}.json"
+    for file in (unfinished, of_the_user):
+        file.write_text("left")
+        os.utime(file, (0.0, 0.0))  # long ago
 
-    with whole.together(folder):
-        whole.write_text(folder / "a.json", "new")
-        whole.write_text(elsewhere / "deep" / "page.html", "new")
-        whole.remove_file(folder / "not there")
-        page = elsewhere / "deep" / "page.html"
-        assert whole.current(page).read_text() == "new"
-        assert not page.exists()
+    flighttune("certify", "paper", "--gains", "paper", "--out", folder / "c.json", "--figure", page)
 
-    assert text_of(folder)["a.json"] == "new"
-    assert text_of(elsewhere) == {"deep/page.html": "new"}
-    assert [*elsewhere.glob(".*"), *(elsewhere / "deep").glob(".*"), *folder.glob(".*")] == []
-
-
-def test_an_answer_is_whole_although_the_command_is_interrupted_while_its_files_are_moved(
-    folder, monkeypatch
-):
-    moved, replace = [], os.replace
-
-    def interrupted(*names, **folders):
-        moved.append(names)
-        if len(moved) == 4:  # two were written before, and one of them moved
-            raise KeyboardInterrupt
-        return replace(*names, **folders)
-
-    monkeypatch.setattr(os, "replace", interrupted)
-    with pytest.raises(KeyboardInterrupt), whole.together(folder):  # noqa: PT012
-        whole.write_text(folder / "a.json", "new")
-        whole.write_text(folder / "b.json", "new")
-
-    assert text_of(folder) == text_of(folder) | {"a.json": "new", "b.json": "new"}
-    assert not [*folder.glob(".*")]
+    assert ft.verify(folder / "c.json").valid
+    assert page.read_text(encoding="utf-8").startswith("<svg")
+    assert not [*page.parent.glob(".*")]
+    assert not unfinished.exists()
+    assert [*folder.glob(".*")] == [of_the_user]
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert (folder / "gains.json").read_text() == "old"
 
 
-def test_files_that_another_process_moves_are_waited_for_and_not_for_ever(folder, monkeypatch):
-    moving = left(folder, new={"a.json": "new"})
-    descriptor = os.open(moving, os.O_RDONLY)
-    whole.lock(descriptor)  # as the process does that moves them
-    monkeypatch.setattr(whole, "WAIT_S", 0.05)
-    with pytest.raises(ft.InputError, match="another process must end its writing"):
-        whole.settle(folder)
-    assert (folder / "a.json").read_text() == '{"is": "old"}'
+@pytest.mark.parametrize("name", ["s" * 250 + ".json", "\u00e9" * 125 + ".json"])
+def test_a_name_may_be_as_long_as_the_system_allows(tmp_path, name):
+    ft.certify("paper", "paper").certificate.save(tmp_path / name)
 
-    monkeypatch.setattr(whole, "WAIT_S", 10.0)
-    Timer(0.1, os.close, [descriptor]).start()
-    whole.settle(folder)
-
-    assert (folder / "a.json").read_text() == "new"
-    assert not moving.exists()
+    assert ft.verify(tmp_path / name).valid
+    assert [*tmp_path.iterdir()] == [tmp_path / name]
 
 
-def test_an_answer_with_an_error_leaves_all_as_it_was_but_for_what_is_kept(folder):
-    before = text_of(folder)
-
-    def fails(*, keep):
-        with whole.together(folder):
-            if keep:  # one of these is not written
-                whole.keep_on_error(folder / "a.json")
-                whole.keep_on_error(folder / "c.json")
-            whole.write_text(folder / "a.json", "long computed")
-            whole.write_text(folder / "b.json", "new")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fails(keep=False)
-    assert text_of(folder) == before
-    with pytest.raises(ZeroDivisionError):
-        fails(keep=True)
-    assert text_of(folder) == before | {"a.json": "long computed"}
-
-
-def test_what_is_kept_but_could_not_be_written_removes_nothing(folder):
-    before = text_of(folder)
-
-    def fails():
-        with whole.together(folder):
-            whole.remove_file(folder / "stale.txt")
-            whole.keep_on_error(folder / "a.json")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fails()
-    assert text_of(folder) == before
-
-
+@pytest.mark.slow
 def test_an_answer_whose_command_is_killed_while_its_files_are_moved_is_read_once_it_is_whole(
     folder,
 ):
-    """A command that reads refuses both of its files and moves none; the next that writes does."""
-    code = [sys.executable, "-c", KILLED_WHILE_MOVED, folder]
-    assert subprocess.run(code, check=False).returncode == -9
-    half = text_of(folder)
-    assert (half["a.json"], half["b.json"]) == ('{"is": "new"}', '{"is": "old"}')
+    """A command that reads refuses the file and moves none; the next that writes does."""
+    certify = [
+        "certify",
+        "paper",
+        "--out",
+        str(folder / "c.json"),
+        "--figure",
+        str(folder / "d.svg"),
+    ]
+    flighttune(*certify, "--gains", "paper")
+    old = (folder / "d.svg").read_text("utf-8")
+    run = [sys.executable, "-c", KILLED_WHILE_MOVED, "d.svg", *certify, "--gains", "K1"]
+    assert subprocess.run(run, check=False, capture_output=True).returncode == -9
+    assert (folder / "d.svg").read_text("utf-8") == old
+    half = files_in(folder)
+    for read in (ft.load, ft.report):
+        with pytest.raises(ft.InputError, match="run that command again"):
+            read(folder / "d.svg")
+    assert files_in(folder) == half
 
-    for read in (ft.load, ft.report, ft.load_gains, ft.verify):
-        for path in (folder / "b.json", folder)[: 1 if read == ft.load_gains else 2]:
-            with pytest.raises(ft.InputError, match="run that command again"):
-                read(path)
-        with pytest.raises(ft.InputError, match=r"^(?!.*run that command again)"):
-            read(folder / "a.json")  # it is in its place, though no file of flighttune
-    assert text_of(folder) == half
+    ft.certify("paper", "paper").certificate.save(folder / "own.json")
 
-    whole.write_text(folder / "own.txt", "own")
-    names = ("a.json", "b.json", "sub/c.json")
-    assert text_of(folder) == dict.fromkeys(names, '{"is": "new"}') | {
-        "own.txt": "own", "notes.txt": '{"is": "old"}'
-    }  # fmt: skip
-
-    elsewhere = folder.with_name("elsewhere")
-    whole.write_text(elsewhere / "own.txt", "own")
-    assert text_of(elsewhere) == {"page.html": "new", "own.txt": "own"}
-    assert not [*folder.glob(".*"), *elsewhere.glob(".*")]
-
-
-def test_what_cannot_be_moved_is_one_line_before_anything_is(folder):
-    (folder / "c").mkdir()
-    before = text_of(folder)
-
-    def write():
-        with whole.together(folder):
-            whole.write_text(folder / "a.json", "new")
-            whole.write_text(folder / "c", "new")
-
-    with pytest.raises(ft.InputError, match=r"answer/c: must be writable, got is a directory"):
-        write()
-    assert text_of(folder) == before
+    assert (folder / "d.svg").read_text("utf-8") != old
+    assert ft.verify(folder / "c.json").valid
+    assert not [*folder.glob(".*")]
 
 
-def test_a_name_may_be_as_long_as_the_system_allows(tmp_path):
-    path = tmp_path / ("é" * (LONGEST_NAME // 2) + "x")
+@pytest.mark.soak
+def test_commands_that_write_into_one_folder_do_not_disturb_each_other(tmp_path):
+    code = (
+        "import sys, pathlib, flighttune as ft; c = ft.certify('paper', 'paper').certificate\n"
+        "for i in range(200): c.save(pathlib.Path(sys.argv[1], f'{i}.json'))"
+    )
+    command = [sys.executable, "-c", code, tmp_path]
+    both = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(2)]
 
-    whole.write_text(path, "new")
-    with whole.together():
-        whole.write_text(path, "newer")
-
-    assert path.read_text() == "newer"
-    assert [*tmp_path.iterdir()] == [path]
+    assert [process.communicate()[1] for process in both] == ["", ""]
+    assert len(list(tmp_path.iterdir())) == 200
 
 
 def check_end(end, before, ours):

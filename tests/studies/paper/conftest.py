@@ -1,19 +1,33 @@
-"""One study and one reproduction for all tests of the paper: they take some seconds each."""
+"""What `flighttune reproduce` leaves, made once for all tests of the paper."""
 
+from types import MappingProxyType
+
+import pandas as pd
 import pytest
+from commands import answer
 
-from flighttune.outputs.paper.reproduce import reproduce
-from flighttune.studies.paper.study import Study
+
+class Made:
+    """Values of items and claims by name, and the tables in the folder."""
+
+    def __init__(self, folder, *names):
+        self.folder = folder
+        self.answer = MappingProxyType(answer("reproduce", *names, "--out", folder))
+        self.values = {item["name"]: item["values"] for item in self.answer["items"]}
+        self.claims = {claim["id"]: claim for claim in self.answer["claims"]}
+
+    def table(self, name):
+        return pd.read_csv(self.folder / f"{name}.csv")
 
 
 @pytest.fixture(scope="session")
-def study():
-    """The paper's experiments with the printed gains."""
-    return Study()
+def make(tmp_path_factory):
+    """Reproduce items and claims by name, each group of them once."""
+    known = {}
 
+    def made(*names):
+        if names not in known:
+            known[names] = Made(tmp_path_factory.mktemp("reproduced"), *names)
+        return known[names]
 
-@pytest.fixture(scope="session")
-def reproduction(study, tmp_path_factory):
-    """Everything made, and the folder it is in."""
-    folder = tmp_path_factory.mktemp("reproduced")
-    return reproduce(out=folder, study=study), folder
+    return made
