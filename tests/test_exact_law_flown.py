@@ -8,7 +8,6 @@ import pytest
 from test_tuned_on_identified import NOTHING_ASKED, UNUSED, manoeuvre
 
 import flighttune as ft
-from flighttune.flight.models import identified_problems
 
 pytestmark = pytest.mark.slow
 
@@ -56,16 +55,3 @@ def test_better_on_manoeuvres_not_used(name):
 @pytest.mark.parametrize("name", ["c172_cruise_turn", "jet_pull_up"])
 def test_better_on_other_aircraft(name):
     assert ratios(ft.load_scenario(name)).max() < WORST
-
-
-def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
-    """R_K is maximised in units in which the problem is the same for any lag of one shape."""
-    scenario = manoeuvre(UNUSED["left"], law="exact")
-    gains = ft.tune(scenario, model="identified").gains
-    (problem,) = identified_problems(scenario)
-    lags = problem.scaling[-2:]
-
-    assert gains.law == "exact"
-    assert np.count_nonzero(gains.K_P) == 2
-    assert np.diag(gains.K_P) * lags == pytest.approx([0.79, 0.79], abs=0.06)
-    assert np.diag(gains.K_I) * lags**2 == pytest.approx([0.23, 0.23], abs=0.03)
