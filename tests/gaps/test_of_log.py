@@ -176,10 +176,10 @@ def test_a_log_that_is_turned_about_the_vertical_has_its_wind_turned(found, tabl
     north, east = (found.factors[f"wind_{axis}"][0] for axis in ("north", "east"))
     turned = (north + 1j * east) * np.exp(1j * by)
     values = {name: value for name, (value, _, _) in gap.factors.items()}
-    assert values["wind_north"] + 1j * values["wind_east"] == pytest.approx(turned, abs=1e-4)
+    assert values["wind_north"] + 1j * values["wind_east"] == pytest.approx(turned, abs=WIND_ERROR)
     for name in ("phi_late", "n_z_late"):
-        assert values[name] == pytest.approx(found.factors[name][0], abs=1e-5)
-    assert gap.explained == pytest.approx(found.explained, abs=1e-6)
+        assert values[name] == pytest.approx(found.factors[name][0], abs=0.2 * LAG_ERROR)
+    assert gap.explained == pytest.approx(found.explained, abs=1e-3)
 
 
 @pytest.mark.soak
