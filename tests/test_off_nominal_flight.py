@@ -9,7 +9,6 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.outputs.recording.entities import runs_to_draw
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
 
@@ -28,13 +27,6 @@ def tables():
 @pytest.fixture(scope="module")
 def flown(tables):
     return ft.fly(ft.scenario_from(tables))
-
-
-@pytest.fixture(scope="module")
-def folder(flown, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("named") / "both"
-    ft.record(flown, folder)
-    return folder
 
 
 def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, flown):
@@ -56,17 +48,6 @@ def test_expectations_are_of_the_plant_of_that_label(tables):
         assert {name.partition(" / ")[0] for name in missed} == {label}
     with pytest.raises(ft.ScenarioError, match=rf"`plant` of .* {NOMINAL}, {HEAVY}, .*h"):
         ft.scenario_from(tables | {"expect": [limits | {"plant": "h"}]})
-
-
-def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown, folder):
-    labels = [run.label for run in flown.runs]
-    stems = [re.sub("[:]", "_", label).replace(" / ", "-") for label in labels]
-    assert sorted(path.stem for path in folder.glob("*.parquet")) == sorted(stems)
-    keys = [re.sub("[^A-Za-z0-9]+", "_", label) for label in labels]
-    assert [member.key for member in runs_to_draw(flown.runs)] == keys
-    again = ft.load(folder).runs
-    assert [run.label for run in again] == labels
-    assert ft.refly(again).equal
 
 
 def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tmp_path):

@@ -7,8 +7,6 @@ import pytest
 from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.flight.entry import entry_of
-from flighttune.flight.fly import fly_alone
 
 ROUNDING = 1e-12
 
@@ -51,10 +49,3 @@ def test_any_controller_rate_flies_on_the_full_aircraft(rate_hz):
 
     assert run.status == "completed"
     assert len(run.signals) == round(rate_hz) + 1
-
-
-def test_gains_that_are_not_there_are_not_flown():
-    run = fly_alone(entry_of(scenario(gains=["tuned"]), "tuned", None))
-
-    assert (run.status, len(run.signals)) == ("no_gains", 0)
-    assert run.provenance.gains is None

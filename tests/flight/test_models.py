@@ -8,8 +8,6 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight import models, noise
-from flighttune.flight.entry import entry_of
 
 V, G = 25.0, 9.81
 LIMITS = {
@@ -35,6 +33,15 @@ def whole_lags():
     return [lag.whole + HALF_A_SAMPLE for lag in condition.lags]
 
 
+def of_loop(made, gains, *names):
+    """Measures of the linear loop of gains, as requirements bound them."""
+    own = {"name": "own", "K_P": gains.K_P.tolist(), "K_I": gains.K_I.tolist(), "law": gains.law}
+    tables = made.as_dict() | {"gains": [own]}
+    tables |= {"expect": [{"at_most": {"loop": dict.fromkeys(names, 1e9)}}]}
+    tables["flight"] |= {"duration_s": 0.1}
+    return [check.value for check in ft.fly(ft.scenario_from(tables)).claim.bounds]
+
+
 def late():
     """Time by which a roll-out, and by which a change of the load factor, comes late."""
     roll, lift = whole_lags()
@@ -46,7 +53,7 @@ def late():
 
 @pytest.mark.parametrize(("law", "per_rate"), [("paper", V / G), ("exact", 1.0)])
 def test_gains_on_an_identified_loop_are_those_that_the_rate_limits_can_follow(law, per_rate):
-    (problem,) = models.identified_problems(scenario(law))
+    problem = ft.loop.tuning_problem(scenario(law))
 
     turn, climb = late()
     assert problem.K_max[0, 0] == pytest.approx(per_rate / turn)
@@ -67,7 +74,7 @@ def test_gains_on_an_identified_loop_are_those_that_the_rate_limits_can_follow(l
 )
 def test_the_sensitivity_of_tuned_gains_leaves_35_deg_of_phase_at_least(stated, counts):
     tuning = {"objective": "decay", "sensitivity_max": stated}
-    (problem,) = models.identified_problems(scenario(tuning=tuning))
+    problem = ft.loop.tuning_problem(scenario(tuning=tuning))
 
     assert problem.sensitivity_max == pytest.approx(counts)
     assert problem.objective == "decay"
@@ -75,7 +82,7 @@ def test_the_sensitivity_of_tuned_gains_leaves_35_deg_of_phase_at_least(stated, 
 
 def test_a_first_error_of_the_path_angle_counts_from_that_of_the_start():
     climbing = scenario(flight={"V_a_mps": V, "h_m": 1000.0, "gamma_deg": 2.0})
-    (problem,) = models.identified_problems(climbing)
+    problem = ft.loop.tuning_problem(climbing)
 
     _, lift = whole_lags()
     slew = V * math.radians(4.0) / (G * 2.0 * 1.5)
@@ -84,31 +91,14 @@ def test_a_first_error_of_the_path_angle_counts_from_that_of_the_start():
     assert problem.x_0[1] == pytest.approx(math.radians(4.0))
 
 
-def test_another_law_than_the_first_has_problems_of_its_own():
-    both = scenario(law=["paper", "exact"])
-    paper, exact = both.laws
-
-    (of_first,), (same,), (of_other,) = (
-        models.identified_problems(both, law) for law in (None, paper, exact)
-    )
-
-    assert of_first.model.inputs == same.model.inputs == ("phi", "n_z")
-    assert np.array_equal(of_first.K_max, same.K_max)
-    assert of_other.model.inputs == ("chi_dot", "gamma_dot")
-    assert of_other.K_max[0, 0] == pytest.approx(G / V * of_first.K_max[0, 0])
-    assert models.tuning_problem(both, exact).model.inputs == of_other.model.inputs
-    (design,) = models.identified_models(both, exact)
-    assert np.array_equal(models.tuning_scaling(both, exact), design.scaling)
-
-
 def test_a_descent_counts_as_a_climb_and_the_slower_side_of_a_rate_as_both():
     descent = scenario(reference={"chi_deg": 10.0, "gamma_deg": -6.0})
     sides = {"phi_rate_dps": [-90.0, 120.0], "n_z_rate_per_s": [-1.5, 2.5]}
     other = {"phi_rate_dps": [-120.0, 90.0], "n_z_rate_per_s": [-2.5, 1.5]}
-    expected = models.identified_problems(scenario())[0].K_max
+    expected = ft.loop.tuning_problem(scenario()).K_max
 
     for made in (*(scenario(limits=LIMITS | x) for x in (sides, other)), descent):
-        (problem,) = models.identified_problems(made)
+        problem = ft.loop.tuning_problem(made)
         assert problem.K_max == pytest.approx(expected)
 
 
@@ -117,7 +107,7 @@ def test_without_a_limit_of_its_rate_a_command_does_not_bound_its_gains(without,
     limited = scenario().as_dict()
     del limited["limits"][without]
 
-    (problem,) = models.identified_problems(made_up_scenario(**limited))
+    problem = ft.loop.tuning_problem(made_up_scenario(**limited))
 
     assert problem.K_max[free, [free, 2 + free]].tolist() == [1000.0, 1000.0]
     bounded = 1 - free
@@ -129,15 +119,10 @@ def test_the_weight_on_the_airspeed_is_left_to_a_gain_of_its_own():
     limits = LIMITS | {"n_x": [-0.3, 0.4]}
     made = scenario(reference={"chi_deg": 10.0, "gamma_deg": 6.0, "V_mps": V}, limits=limits)
 
-    (design,) = models.identified_models(made)
-    (problem,) = models.identified_problems(made)
+    problem = ft.loop.tuning_problem(made)
 
-    V_of, gamma = design.model.states.index("V"), design.model.states.index("gamma")
-    slope = -G / V * math.cos(math.radians(6.0))
-    assert design.model.A[V_of, gamma] == pytest.approx(slope)
-    expected = design.model.A.copy()
-    expected[V_of, gamma] = 0.0
-    assert np.array_equal(problem.model.A, expected)
+    V_of, gamma = (problem.model.states.index(name) for name in ("V", "gamma"))
+    assert problem.model.A[V_of, gamma] == 0.0
     assert problem.x_0 == pytest.approx([math.radians(20.0), math.radians(6.0), 0.0])
     assert problem.K_max.shape == (3, 6)
     assert problem.K_max[2, [2, 5]].tolist() == [1000.0, 1000.0]
@@ -145,7 +130,7 @@ def test_the_weight_on_the_airspeed_is_left_to_a_gain_of_its_own():
 
 def test_a_smaller_largest_gain_counts_and_limits_that_are_not_asked_for_do_not():
     small, free, level = (
-        models.identified_problems(x)[0]
+        ft.loop.tuning_problem(x)
         for x in (
             scenario(tuning={"gain_max": 0.3, "E_star": 2.0, "input_limits": True}),
             scenario(tuning={"roll_rate": False, "lift_rate": False}),
@@ -164,7 +149,7 @@ def test_a_smaller_largest_gain_counts_and_limits_that_are_not_asked_for_do_not(
 @pytest.mark.parametrize("law", ["paper", "exact"])
 def test_the_roll_rate_that_gains_need_is_that_which_allows_them(law):
     made = scenario(law)
-    (problem,) = models.identified_problems(made)
+    problem = ft.loop.tuning_problem(made)
     K = np.minimum(problem.K_max, 1.0) * [[1, 0, 1, 0], [0, 1, 0, 1]]
     for own, other in ((0, 2), (2, 0)):
         gains = K.copy()
@@ -172,20 +157,15 @@ def test_the_roll_rate_that_gains_need_is_that_which_allows_them(law):
         gains[0, other] *= 0.01
         of = ft.PIGains.from_lists(gains[:, :2], gains[:, 2:], law=law)
 
-        found = models.loop_measures(entry_of(made, "own", of), {"roll_rate_rad_s"})
-
-        assert found["roll_rate_rad_s"] == pytest.approx(math.radians(90.0))
-    assert "gain_margin_dB" not in found
+        assert of_loop(made, of, "roll_rate_dps") == pytest.approx([90.0])
     steep = ft.PIGains.from_lists([[1e3, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.1]], law=law)
-    found = models.loop_measures(entry_of(made, "own", steep), {"roll_rate_rad_s"})
-    assert found["roll_rate_rad_s"] == math.inf  # no rate makes up for the lag
+    assert of_loop(made, steep, "roll_rate_dps") == [math.inf]  # no rate makes up for the lag
     unlimited = scenario(law)
     free = LIMITS.keys() - {"phi_deg"}
     unlimited = made_up_scenario(
         **unlimited.as_dict() | {"limits": {name: LIMITS[name] for name in free}}
     )
-    found = models.loop_measures(entry_of(unlimited, "own", of), {"roll_rate_rad_s"})
-    assert math.isnan(found["roll_rate_rad_s"])
+    assert math.isnan(*of_loop(unlimited, of, "roll_rate_dps"))
 
 
 def test_margins_of_a_loop_are_those_of_the_textbook():
@@ -196,7 +176,8 @@ def test_margins_of_a_loop_are_those_of_the_textbook():
     K_P, K_I = np.array([5.0, 2.0]), np.array([1.0, 3.0])
     gains = ft.PIGains.from_lists(np.diag(K_P), np.diag(K_I), law="exact")
 
-    found = models.loop_measures(entry_of(made, "own", gains), {"gain_margin_dB", "disk_margin"})
+    names = "phase_margin_rad", "delay_margin_s", "gain_margin_dB", "disk_margin"
+    found = dict(zip(names, of_loop(made, gains, *names), strict=True))
 
     crossing = np.sqrt(0.5 * (K_P**2 + np.sqrt(K_P**4 + 4.0 * K_I**2)))
     phase = np.arctan2(K_P * crossing, K_I)
@@ -206,7 +187,6 @@ def test_margins_of_a_loop_are_those_of_the_textbook():
     assert np.argmin(phase) != np.argmin(phase / crossing)
     assert found["gain_margin_dB"] == math.inf
     assert 0.0 < found["disk_margin"] <= 2.0
-    assert models.loop_measures(entry_of(made, "none", None), {"gain_margin_dB"}) == {}
 
 
 @pytest.mark.parametrize(("K_P", "nearer"), [([9.0, 2.0], 0), ([2.0, 9.0], 1)])
@@ -215,64 +195,22 @@ def test_a_gain_margin_is_that_of_the_channel_that_swings_first(K_P, nearer):
         "lag_rad_s": [5.0, 5.0], "roll_rate": False, "lift_rate": False,
     })  # fmt: skip
     gains = ft.PIGains.from_lists(np.diag(K_P), np.diag([0.2, 0.3]), law="exact")
-    entry = entry_of(made, "own", gains)
+    (margin,) = of_loop(made, gains, "gain_margin_dB")
 
-    found = models.loop_measures(entry, {"gain_margin_dB"})
-
-    assert "disk_margin" not in found
-    assert "roll_rate_rad_s" not in found
-    model, of_loop = models.linear_loop(entry)
+    model = ft.loop.tuning_problem(made).model
     for factor, stable in ((0.999, True), (1.001, False)):
         each = np.ones(2)
-        each[nearer] = factor * 10.0 ** (found["gain_margin_dB"] / 20.0)
-        A_cl = ft.loop.closed_loop(replace(model, B=model.B * each), of_loop)
+        each[nearer] = factor * 10.0 ** (margin / 20.0)
+        A_cl = ft.loop.closed_loop(replace(model, B=model.B * each), gains)
         assert (np.linalg.eigvals(A_cl).real.max() < 0.0) == stable
-
-
-def test_ranges_of_lags_are_those_stated_or_of_all_identified_conditions():
-    """Delays have half a sample more; on the kinematic law it counts if [tuning] says so."""
-    plain = scenario(tuning={"model": "kinematic", "roll_rate": False, "lift_rate": False})
-    held = plain.model_copy(
-        update={"tuning": plain.tuning.model_copy(update={"sample_delay": True})}
-    )
-    law = plain.laws[0]
-
-    lags, delays = models.late_ranges(plain, law, [0.1, 0.3])
-    assert lags.tolist() == [0.1, 0.3]
-    assert delays.tolist() == [0.0, 0.0]
-    assert models.late_ranges(scenario(), law, [0.1, 0.3])[0].tolist() == [0.1, 0.3]
-    assert models.late_ranges(held, law, [0.1, 0.3])[1] == pytest.approx([HALF_A_SAMPLE] * 2)
-    conditions = ft.loop.load_identified("aerosonde").conditions
-    each = np.array([[(x.whole - x.delay, x.delay) for x in one.lags] for one in conditions])
-    everywhere = models.identified_models(scenario(), law, everywhere=True)
-    assert len(everywhere) == len(conditions)
-    lags, delays = models.late_ranges(scenario(), law, None, everywhere)
-    assert lags == pytest.approx(np.stack([each.min(axis=0), each.max(axis=0)], -1)[:, 0])
-    ends = np.array([each.min(axis=0), each.max(axis=0)])[..., 1]
-    assert delays == pytest.approx(ends.T + HALF_A_SAMPLE)
-
-
-@pytest.mark.parametrize(
-    ("scaling", "message"),
-    [([1.0, 2.0, 3.0], r"`state_scaling` of \[tuning\] must be 4 numbers, .* got 3"), (None, "")],
-)
-def test_units_of_states_are_one_each(scaling, message):
-    made = scenario(tuning={"model": "kinematic", "state_scaling": scaling} if scaling else
-                    {"model": "kinematic"})  # fmt: skip
-    if not message:
-        assert models.tuning_scaling(made) is None
-        four = scenario(tuning={"model": "kinematic", "state_scaling": [1.0, 2.0, 3.0, 4.0]})
-        assert models.tuning_scaling(four).tolist() == [1.0, 2.0, 3.0, 4.0]
-        return
-    with pytest.raises(ft.InputError, match=message):
-        models.tuning_scaling(made)
 
 
 def test_noise_for_tuning_is_that_of_light_gusts_and_a_share_of_the_rate_limits():
     """MIL-F-8785C: a deviation of a tenth of 15 knots, and Dryden's scales at 100 m."""
     made = scenario("exact", tuning={"objective": "rms", "navigation": "standard"},
                     flight={"V_a_mps": V, "h_m": 100.0})  # fmt: skip
-    found = noise.tuning_noise(made, made.laws[0])
+    problem = ft.loop.tuning_problem(made)
+    found = problem.noise
 
     sd = 0.1 * 7.7 / V
     # Below 1000 ft the slowest gusts are those of 2 pi V / L, well above 1e-3 rad/s.
@@ -289,77 +227,15 @@ def test_noise_for_tuning_is_that_of_light_gusts_and_a_share_of_the_rate_limits(
     seen = ft.loop.Navigation.of("standard").densities(found.omega, 0.02, V)
     assert np.array_equal(found.estimates, [seen["chi"], seen["gamma"]])
     assert np.array_equal(found.measured, [seen["phi"], seen["n_z"]])
-    (problem,) = models.identified_problems(made)
     assert problem.gusts == pytest.approx([V / across, V / down])
-    assert np.array_equal(problem.noise.gusts, found.gusts)
     assert found.units == pytest.approx([G / V] * 2)  # of a rate; the law's command is one
     stated = scenario("exact", tuning={
         "objective": "rms", "navigation": "rtk", "command_rate_max": [6.0, 0.2],
     })  # fmt: skip
-    assert noise.tuning_noise(stated, stated.laws[0]).rates_max == pytest.approx(
-        [math.radians(6.0), 0.2]
-    )
+    assert ft.loop.tuning_problem(stated).noise.rates_max == pytest.approx([math.radians(6.0), 0.2])
     calm = scenario("exact")
-    (of_calm,) = models.identified_problems(calm)
+    of_calm = ft.loop.tuning_problem(calm)
     assert (of_calm.objective, of_calm.gusts, of_calm.noise) == ("R_K", None, None)
-    assert noise.tuning_noise(calm, calm.laws[0]) is None
-
-
-def test_without_an_envelope_or_on_a_model_behind_lags_there_is_no_claim_over_one():
-    with pytest.raises(ft.ScenarioError, match="`envelope` must be given for a claim over one"):
-        models.trim_and_envelope(scenario(tuning={"model": "kinematic"}))
-    ranges = {"gamma_deg": [-10.0, 10.0], "phi_deg": [-30.0, 30.0], "n_z": [0.5, 1.5]}
-    around = {"envelope": {"V_a_mps": [20.0, 30.0], **ranges}}
-    behind = {"model": "kinematic", "lag_rad_s": [5.0, 5.0]}
-    with pytest.raises(ft.ScenarioError, match="without a lag for a claim over an envelope"):
-        models.trim_and_envelope(scenario(tuning=behind, **around))
-    beside = {"envelope": {"V_a_mps": [26.0, 30.0], **ranges}}
-    with pytest.raises(ft.ScenarioError, match="`envelope` must contain the trim"):
-        models.trim_and_envelope(scenario(tuning={"model": "kinematic"}, **beside))
-
-    trim, inside = models.trim_and_envelope(scenario(tuning={"model": "kinematic"}, **around))
-    assert inside.contains(trim)
-
-
-def test_a_law_is_set_up_as_its_scenario_says_and_feeds_back_only_what_comes_late():
-    controller = {"rate_hz": 40.0, "anti_windup": "back_calculation", "tracking_time_s": 0.7}
-    made = scenario("exact", controller=controller | {"schedule": True, "feed_forward": True})
-    plain = scenario("exact")
-    fed = ft.PIGains.from_lists(np.eye(2), np.eye(2), law="exact", feedback=[0.7, 0.4])
-    limits = ft.loop.JSBSimPlant("aerosonde").limits
-
-    late, at_once = (models.law_setup(made, fed, limits, at_once=x) for x in (False, True))
-
-    assert late.gains is fed
-    assert at_once.gains.feedback == (0.0, 0.0)
-    assert np.array_equal(at_once.gains.K, fed.K)
-    assert (late.dt, late.anti_windup, late.tracking_time) == (0.025, "back_calculation", 0.7)
-    assert (late.schedule_speed, late.feed_forward, late.g) == (V, True, G)
-    assert late.limits is limits
-    assert late.scenario == made.as_dict()
-    assert late.reference.initial == pytest.approx((math.radians(10.0), math.radians(6.0)))
-    unscheduled = models.law_setup(plain, fed, limits)
-    assert (unscheduled.schedule_speed, unscheduled.feed_forward) == (None, False)
-
-
-def test_models_everywhere_are_those_of_all_conditions_and_one_airspeed_if_gains_are_scheduled():
-    conditions = ft.loop.load_identified("aerosonde").conditions
-    robust = scenario(tuning={"robust": True})
-    scheduled = scenario(controller={"schedule": True})
-
-    plain, same, of_speed = (
-        models.identified_models(robust),
-        models.identified_models(scenario(), everywhere=True),
-        models.identified_models(scheduled, everywhere=True),
-    )
-
-    at = [(x.V_a, x.gamma) for x in conditions]
-    for designs in (plain, same, of_speed):
-        assert [(x.V_a, x.gamma) for x in designs] == at
-    for design, other in zip(plain, of_speed, strict=True):
-        assert other.law_model.B == pytest.approx(design.law_model.B * design.V_a / V)
-    (here,) = models.identified_models(scheduled)
-    assert (here.V_a, here.gamma) == pytest.approx((V, math.radians(6.0)))
 
 
 W = np.array([0.3, 2.0, 11.0])  # rad/s
@@ -375,7 +251,7 @@ def response(model):
 def test_a_model_behind_assumed_lags_and_half_a_sample_has_their_phase():
     tuning = {"model": "kinematic", "roll_rate": False, "lift_rate": False}
     plain, lagged, held = (
-        models.linear_model(scenario(tuning=tuning | more))
+        ft.loop.tuning_problem(scenario(tuning=tuning | more)).model
         for more in ({}, {"lag_rad_s": [5.0, 8.0]}, {"sample_delay": True})
     )
 
@@ -383,21 +259,3 @@ def test_a_model_behind_assumed_lags_and_half_a_sample_has_their_phase():
     assert response(lagged) == pytest.approx(response(plain) * of_lags[:, None, :])
     late = np.exp(-1j * W * HALF_A_SAMPLE)[:, None, None]
     assert response(held) == pytest.approx(response(plain) * late, rel=1e-3)
-
-
-def test_the_sampled_loop_has_the_lags_of_its_model():
-    tuning = {"model": "kinematic", "roll_rate": False, "lift_rate": False}
-    made, same, none = (
-        scenario(tuning=tuning | more)
-        for more in ({"lag_rad_s": [5.0, 8.0]}, {"lag_rad_s": [4.0, 4.0]}, {})
-    )
-
-    found = models.sampling(made, made.laws[0])
-    assert [(x.order, x.natural_frequency) for x in found.lags] == [(1, 5.0), (1, 8.0)]
-    assert [x.natural_frequency for x in models.sampling(same, same.laws[0]).lags] == [4.0, 4.0]
-    assert models.sampling(none, none.laws[0]).lags == ()
-    assert found.dt == 0.02
-    assert found.model.names == models.law_model(made).names
-    behind = models.sampling(scenario(), made.laws[0])
-    condition = ft.loop.load_identified("aerosonde").nearest(V, math.radians(6.0))
-    assert [x.whole for x in behind.lags] == pytest.approx([x.whole for x in condition.lags])

@@ -1,18 +1,10 @@
 """Plants that follow at once leave a law nothing to feed back, so that steep gains do not swing."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.campaigns.flying.rows import fly_batch
-from flighttune.control.inner_loop import sampled_loop
-from flighttune.control.law import Trim
-from flighttune.flight.models import gain_set
-from flighttune.vehicles.plant_keys import PlantTable
-from flighttune.vehicles.plants import base
 
 # Sampled at 50 Hz without lag, (z - 1)(z + k) + dt (1 + k) K_P z has a root beyond -1 if
 # dt (1 + k) K_P exceeds 2 (1 - k): 0.37 and 0.1 here.
@@ -75,47 +67,3 @@ def test_behind_a_lag_the_feedback_is_flown():
     )
 
     assert not fed.signals["n_z_cmd"].equals(plain.signals["n_z_cmd"])
-
-
-def test_the_batch_of_a_campaign_flies_the_same():
-    ((_, _, measured),) = fly_batch([scenario := scene("kinematic", [0.7, FED])], *law_of(scenario))
-    alone = ft.fly(scenario)
-
-    ITAE = alone.metrics_of(alone.runs[0])["gamma"]["ITAE"]
-    assert measured["gamma"]["ITAE"] == pytest.approx(ITAE, rel=SAME)
-
-
-def law_of(scenario):
-    (name,) = scenario.gain_names
-    return scenario.law_of(name)[0], gain_set(scenario, name)
-
-
-def test_the_sampled_loop_without_lag_has_no_feedback():
-    law, gains = law_of(scene("kinematic", [0.7, FED]))
-    model = law.linear_model(Trim(V_a=12.5, gamma=0.0, g=9.81))
-    fed, plain = (
-        np.linalg.eigvals(sampled_loop(model, (), each, dt=DT)[0])
-        for each in (gains, replace(gains, feedback=(0.0, 0.0)))
-    )
-
-    assert np.sort_complex(fed) == pytest.approx(np.sort_complex(plain))
-
-
-def test_which_plants_follow_at_once():
-    lag = ft.loop.InnerLag(order=1, natural_frequency=5.0)
-    point = ft.loop.PointMassPlant()
-
-    assert base.follows_at_once(point)
-    assert base.follows_at_once(base.GuardedPlant(point, "own"))
-    assert not base.follows_at_once(ft.loop.PointMassPlant((lag, lag)))
-    assert not base.follows_at_once(ft.loop.LaggedPlant(point, (lag, lag)))
-    assert not base.follows_at_once(ft.loop.JSBSimPlant("aerosonde"))
-
-
-def test_a_lag_that_states_no_delay_and_no_damping_has_none():
-    stated = {"roll_lag_rad_s": 3.0, "n_z_lag_rad_s": 4.0, "n_z_delay_s": 0.2, "n_z_damping": 0.7}
-
-    roll, load = PlantTable.model_validate({"kind": "point_mass_lag", **stated}).lags()
-
-    assert (roll.natural_frequency, roll.delay, roll.order) == (3.0, 0.0, 1)
-    assert (load.natural_frequency, load.delay, load.order, load.damping) == (4.0, 0.2, 2, 0.7)

@@ -1,12 +1,6 @@
 """Laws and plants of a user's own, from Python and from files."""
 
-import json
-import os
-import re
-import shutil
-import signal
 import textwrap
-import time
 
 import numpy as np
 import pytest
@@ -15,12 +9,6 @@ from made_up import made_up_scenario, scenario_tables
 from plain_members import Glider, Proportional
 
 import flighttune as ft
-from flighttune.base.files.shipped import aircraft_folders
-from flighttune.campaigns.planning.plan import plan_from
-from flighttune.claims.linear_loop import linear_bound
-from flighttune.flight import apart
-from flighttune.flight.new import new_scenario
-from flighttune.flight.scenario.load import save_scenario
 
 TABLES = scenario_tables(
     law=[
@@ -62,30 +50,8 @@ def scenario():
     )
 
 
-def soaked(*cases):
-    return [pytest.param(*case, marks=pytest.mark.soak) for case in cases]
-
-
 def mine(_):
     return Proportional()
-
-
-def test_own_laws_and_plants_fly_beside_those_of_the_scenario(scenario):
-    flown = ft.fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
-
-    assert [run.label for run in flown.runs] == [
-        "kinematic / paper",
-        "kinematic / mine:paper",
-        "glider / paper",
-        "glider / mine:paper",
-    ]
-    assert {run.status for run in flown.runs} == {"completed"}
-    own = flown.runs[1]
-    assert own.provenance.law.kind == "python"
-    assert own.provenance.gains is None
-    assert np.rad2deg(own.signals["phi_cmd"].abs().max()) <= 20.0 + 1e-9
-    assert linear_bound(own) is None
-    assert set(flown.indicators) == {"paper"}
 
 
 @pytest.mark.parametrize(
@@ -112,19 +78,6 @@ def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp
     assert ft.refly(again, laws={"mine": mine}, plants={"glider": Glider}).equal
     with pytest.raises(ft.ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):
         ft.refly(again)
-
-
-def test_a_law_with_a_linear_model_has_indicators(scenario):
-    class Linear(Proportional):
-        def linear(self):
-            from flighttune.control.exact_law import rate_model
-
-            return rate_model(), ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
-
-    flown = ft.fly(scenario, laws={"mine": lambda _: Linear()})
-
-    # at gamma = 0 that is the loop of the paper's law
-    assert flown.indicators["mine:paper"].R_K == pytest.approx(flown.indicators["paper"].R_K)
 
 
 class Falls(Glider):
@@ -175,19 +128,6 @@ def test_a_file_names_a_class_and_its_parameters_and_the_recording_knows_its_has
     assert ft.refly(flown.runs, run_code=True).equal
 
 
-def test_a_scenario_that_is_saved_elsewhere_flies_with_the_same_files(files, monkeypatch):
-    monkeypatch.chdir(files)
-    shutil.copytree(aircraft_folders()["aerosonde"], files / "mine")
-    plants = [{"kind": "jsbsim", "aircraft": name} for name in ("mine", "aerosonde")]
-    (files / "own.toml").write_text(to_toml({**TABLES, "plant": plants}))
-    saved = files / "saved" / "own.toml"
-    save_scenario(ft.load_scenario("own.toml"), saved)
-    again = ft.load_scenario(saved)
-
-    assert again.law[0].module == str(files / "my_law.py")
-    assert [plant.aircraft for plant in again.plant] == [str(files / "mine"), "aerosonde"]
-
-
 def test_a_file_that_is_gone_or_changed_is_refused(files):
     scenario = ft.load_scenario(files / "own.toml")
     law = files / "my_law.py"
@@ -230,21 +170,6 @@ def test_tables_that_say_half_are_refused_by_key(scenario, change, said):
         ft.scenario_from(scenario.as_dict() | change)
 
 
-def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
-    (files / "c.toml").write_text(
-        f'title = "c"\nscenario = {json.dumps(str(files / "own.toml"))}\nruns = 2\n'
-        '[[disperse]]\nkey = "flight.V_a_mps"\ndistribution = "normal"\nmean = 25.0\nsd = 0.5\n'
-    )
-    plan = ft.plan_campaign(ft.load_campaign(files / "c.toml"))
-    again = plan_from(json.loads(json.dumps(plan.as_dict())))
-
-    assert again.sha256 == plan.sha256
-    assert [run.status for run in ft.fly(again.scenario).runs] == ["completed"]
-    (files / "my_law.py").write_text("# nothing")
-    with pytest.raises(ft.ScenarioError, match=r"`module`.*planned"):
-        ft.fly(again.scenario)
-
-
 def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     lags = (
         ft.loop.InnerLag(order=2, natural_frequency=8.0, damping=0.6, delay=0.03),
@@ -259,61 +184,6 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     alone, around = (np.array(plant.observe()[:2]) for plant in plants)
     assert plants[1].signals[: len(ft.loop.COMMON_SIGNALS)] == ft.loop.COMMON_SIGNALS
     assert around == pytest.approx(alone, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        *soaked(
-            ("signals = {}", "signals = {'t': 's'}", "`signals` must have names .*'t'"),
-            ("pass", "self.limiter = 5", "`limiter` must be a CommandLimiter, got 5"),
-            ("return ", "return iter(float, 1.0) #", "2 numbers .* got more"),
-            ("return ", "os._exit(0) #", "after t = 0.00 s: .* exit status 0"),
-            ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
-        ),
-        ("return ", "t < 1.2 or os._exit(3); return ", "law mine after t = 1.00 s: .* status 3"),
-        ("pass", "os._exit(0)", "exit status 0"),
-        *soaked(
-            (
-                "return ",
-                "while t > 0.9: pass\n        return ",
-                "after t = 0.00 s: .* no progress for 3 s",
-            )
-        ),
-    ],
-)
-def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
-    files, old, new, said, monkeypatch
-):
-    monkeypatch.setattr("flighttune.flight.fly.START_S", 3.0)
-    monkeypatch.setattr("flighttune.flight.fly.MAX_LAG_S", -2.0)
-    law = files / "my_law.py"
-    law.write_text(f"import ctypes, faulthandler, os\n{law.read_text().replace(old, new)}")
-    tables = ft.load_scenario(files / "own.toml").as_dict()
-    tables["law"] = [{"name": "paper", "kind": "paper"}, *tables["law"]]
-    tables["law"][1].pop("sha256", None)
-
-    first, run = ft.fly(ft.scenario_from(tables)).runs
-
-    assert first.status == "completed"
-    assert run.status == "law_failed"
-    assert re.search(said, run.reason), run.reason
-    assert "\n" not in run.reason
-
-
-@pytest.mark.slow
-def test_a_copy_is_not_waited_for_because_a_process_of_its_own_goes_on(monkeypatch):
-    def ends_before_its_own_copy(_):
-        if os.fork() == 0:
-            time.sleep(5.0)
-            os._exit(0)
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    monkeypatch.setattr(apart, "GRACE_S", 0.5)
-    began = time.monotonic()
-
-    assert apart.apart(ends_before_its_own_copy, 0.5)[0] is None
-    assert time.monotonic() - began < 4.0
 
 
 def test_a_linear_model_of_the_wrong_kind_is_said(files):
@@ -369,44 +239,3 @@ def test_laws_and_plants_from_python_are_refused_in_a_line(keyword, made, reason
     with pytest.raises(ft.InputError, match=rf"`{keyword}`.*{reason}") as refused:
         ft.fly(made_up_scenario(), **{keyword: made})
     assert len(str(refused.value).splitlines()) == 1
-
-
-LAW_FILE = """
-import math
-
-
-class Mine:
-    def __init__(self, setup):
-        self.dt, self.signals = setup.dt, {}
-
-    def start(self, condition):
-        pass
-
-    def step(self, measured, reference, t):
-        e_chi = math.remainder(reference.chi - measured.chi, math.tau)
-        e_gamma = reference.gamma - measured.gamma
-        return 1.5 * e_chi, math.cos(measured.gamma) / math.cos(measured.phi) + 1.5 * e_gamma
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [("exact", "mine"), ("mine", "exact"), ("mine",)])
-def test_a_law_that_takes_no_gains_flies_in_what_new_writes(order, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "law.py").write_text(LAW_FILE)
-    text = new_scenario("turn").read_text()
-    tables = {
-        "exact": '[[law]]\nname = "exact"\nkind = "exact"\n',
-        "mine": '[[law]]\nname = "mine"\nkind = "python"\nmodule = "law.py"\nclass = "Mine"\n',
-    }
-    lines = [line for line in text.splitlines() if not line.startswith("law ")]
-    (tmp_path / "turn.toml").write_text("\n".join([*lines, *(tables[name] for name in order)]))
-
-    runs = ft.fly("turn.toml").runs
-
-    assert len(runs) == 2 * len(order)  # once per plant
-    mine = [run for run in runs if "mine" in run.label]
-    assert [run.label for run in mine] == [
-        f"{plant} / mine:tuned_fed_back" for plant in ("kinematic", "jsbsim:aerosonde")
-    ]
-    assert {run.status for run in runs} == {"completed"}

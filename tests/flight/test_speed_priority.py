@@ -1,32 +1,18 @@
 """Speed has priority beside two channels: where thrust is short the path angle gives way."""
 
 import math
-import re
 import shutil
 
 import numpy as np
-import pandas as pd
 import pytest
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.flight.load import check_scenario, route_scenario
-from flighttune.flight.loop import loop
-from flighttune.flight.loop.run import given_way
-from flighttune.flight.new import new_scenario
-from flighttune.routes.mission import read_route
 
 V_0 = 25.0
-# m/s below which the airspeed shall not fall: 0.875 of its reference.
-FLOOR = 21.875
-# m/s by which lags take the airspeed through that; the throttle first opens.
-LAGS = 0.45
-# m/s by which it differs from that some 20 time constants later.
-SETTLED = 0.02
 
 CALM = {"speed_mps": 0.0, "from_deg": 0.0}
 WINDS = {"sinking air": CALM | {"down_mps": 3.0}, "head wind": {"speed_mps": 10.0, "from_deg": 0.0}}
-ENGINE_FAILS = {"throttle_max": 0.06, "throttle_max_from_s": 5.0}
 FAULT = {"airframe": {"fault": {"from_s": 5.0, "throttle_factor": 0.01}}}
 
 
@@ -45,20 +31,6 @@ def level(plant, *, protected=True, duration_s=45.0, reference=None, **tables):
             **tables,
         }
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
-def test_the_airspeed_settles_at_its_floor_when_the_engine_fails(wind):
-    """0.875 of the airspeed at the start; without the protection it falls on."""
-    (run,) = ft.fly(level(ENGINE_FAILS, wind=wind)).runs
-
-    assert run.status == "completed"
-    assert run.signals["V_a"].min() > FLOOR - LAGS
-    assert run.signals["V_a"].iloc[-1] == pytest.approx(FLOOR, abs=SETTLED)
-    assert given_way(run.signals).any()
-    (slow,) = ft.fly(level(ENGINE_FAILS, wind=wind, protected=False)).runs
-    assert slow.signals["V_a"].min() < FLOOR - 1.0
 
 
 @pytest.mark.soak
@@ -108,47 +80,6 @@ def test_a_healthy_aircraft_with_a_slow_engine_pays_little_for_its_protection():
 
 
 @pytest.mark.slow
-def test_a_healthy_flight_keeps_its_bits():
-    turn = {
-        "chi_deg": [{"shape": "ramp", "start_s": 2.0, "duration_s": 5.0, "rate_dps": 6.0}],
-        "gamma_deg": 3.0,
-    }
-    air = {"wind": {"speed_mps": 5.0, "from_deg": 40.0}, "turbulence": {"intensity": "light"}}
-    kept, plain = (
-        ft.fly(level({}, protected=x, duration_s=12.0, reference=turn, **air)).runs[0]
-        for x in (True, False)
-    )
-
-    assert not given_way(kept.signals).any()
-    assert (kept.signals[[*plain.signals]].to_numpy() == plain.signals.to_numpy()).all()
-    assert {*kept.signals} - {*plain.signals} == {"n_x", "n_x_min", "n_x_max", "gamma_given"}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sensed", [{}, {"sensors": {"V_a_noise_sd_mps": 0.3}}])
-@pytest.mark.parametrize("route", [False, True])
-def test_compiled_samples_give_way_as_the_plain_loop_does(monkeypatch, route, sensed):
-    """The plain loop is the reference, to the bit, in wind and turbulence."""
-    pytest.importorskip("numba")
-    air = {"wind": WINDS["sinking air"], "turbulence": {"intensity": "light"}, **sensed}
-    tables = level(ENGINE_FAILS, duration_s=20.0, **air).as_dict()
-    if route:
-        points = [{"north_m": north, "east_m": 0.0} for north in (0.0, 600.0)]
-        limits = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.0, 2.0]}
-        del tables["reference"]
-        tables |= {"route": {"waypoint": points}, "limits": limits}
-    flown = []
-    for samples in (0, math.inf):
-        monkeypatch.setattr(loop, "COMPILED_FROM", samples)
-        flown += ft.fly(ft.scenario_from(tables)).runs
-    compiled, plain = flown
-
-    assert given_way(plain.signals).any()
-    assert (compiled.status, compiled.reason) == (plain.status, plain.reason)
-    pd.testing.assert_frame_equal(compiled.signals, plain.signals, check_exact=True)
-
-
-@pytest.mark.slow
 def test_a_route_whose_height_is_given_up_is_flown_to_its_end():
     """Height given up for the airspeed is no failure to arrive; the notes say how much it was."""
     points = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1500.0)]
@@ -188,53 +119,6 @@ def glider(tmp_path):
     return str(folder)
 
 
-def test_new_protects_the_airspeed_of_an_aircraft_with_an_engine(glider, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    protected = {
-        aircraft: ft.load_scenario(new_scenario(str(i), aircraft=aircraft)).speed_priority
-        for i, aircraft in enumerate(("aerosonde", "a4", glider))
-    }
-
-    assert protected == {"aerosonde": True, "a4": True, glider: False}
-
-
 def test_an_aircraft_without_an_engine_has_no_airspeed_to_protect_by_thrust(glider):
     with pytest.raises(ft.ScenarioError, match=r"\[controller\] `speed_priority` must be absent"):
         ft.fly(level({"aircraft": glider}))
-
-
-def test_a_mission_protects_the_airspeed(tmp_path):
-    plan = tmp_path / "out.waypoints"
-    rows = ["QGC WPL 110", "0 1 0 16 0 0 0 0 47.0 8.0 400 1"]
-    rows += [f"{i} 0 3 16 0 0 0 0 {47.0 + 0.005 * i} 8.0 100 1" for i in (1, 2, 3)]
-    plan.write_text("\n".join(row.replace(" ", "\t") if row[0].isdigit() else row for row in rows))
-
-    scenario = route_scenario(plan, read_route(plan), "aerosonde")
-
-    assert scenario.controller.speed_priority is True
-    without = route_scenario(
-        plan, read_route(plan), "aerosonde", {"controller.speed_priority": False}
-    )
-    assert without.speed_priority is False
-
-
-def test_a_route_of_an_aircraft_without_an_engine_is_as_steep_as_its_glide(glider):
-    """The angle that the refusal names is the one below which a route is taken."""
-
-    def check(gamma_deg):
-        up = 900.0 * math.tan(math.radians(gamma_deg))
-        points = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 900.0, "east_m": 0.0, "up_m": up}]
-        tables = level({"aircraft": glider}, protected=False).as_dict()
-        del tables["reference"]
-        check_scenario(ft.scenario_from(tables | {"route": {"waypoint": points}}), "own.toml")
-
-    with pytest.raises(ft.ScenarioError, match="must have an engine for a route") as refused:
-        check(-1.0)
-    stated, glide = map(float, re.findall(r"(-?\d+\.\d) deg", str(refused.value)))
-
-    assert stated == pytest.approx(-1.0, abs=0.1)
-    assert glide < stated
-    check(glide - 0.2)
-    with pytest.raises(ft.ScenarioError, match="must have an engine for a route"):
-        check(glide + 0.3)

@@ -1,20 +1,14 @@
 """The ladder: one law on four plants, and parts that add up to the whole."""
 
 import math
-import re
 from copy import copy
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from claimed import claimed
 
 import flighttune as ft
-from flighttune.gaps import compare
-from flighttune.gaps.gap import Step
-from flighttune.outputs.answers.gap import causes
-from flighttune.outputs.pages import charts
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9
@@ -39,15 +33,6 @@ def paper_gap():
 def windy_gap():
     air = {"wind": {"speed_mps": 8.0, "from_deg": 270.0}, "turbulence": {"intensity": "moderate"}}
     return ft.gap(changed("level_turn", **air), ft.PAPER_GAINS, name="paper")
-
-
-def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
-    assert (paper_gap.status, paper_gap.reason, paper_gap.failed) == ("explained", "", {})
-    assert [run.provenance.plant for run in paper_gap.runs] == RUNGS
-    assert {run.duration for run in paper_gap.runs} == {20.0}
-    assert all(" on kinematic and " in sentence for sentence in causes(paper_gap))
-    for rung in paper_gap.runs[:-1]:
-        assert not {*WIND} & {*rung.signals}  # in still air
 
 
 def test_what_the_steps_do_not_explain_is_the_largest_of_all_differences(paper_gap):
@@ -87,20 +72,6 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
         apart = (ends[1] - ends[0])[metric].to_numpy()
         assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
     assert gap.residual < ROUNDING
-
-
-@pytest.mark.parametrize("channel", ["chi", "gamma"])
-def test_the_largest_step_is_the_cause_whether_it_adds_or_takes_away(paper_gap, channel):
-    pairs = zip(paper_gap.steps, pairwise(paper_gap.runs), strict=True)
-    down = replace(
-        paper_gap, steps=tuple(Step(upper, lower, step.adds) for step, (lower, upper) in pairs)
-    )
-
-    sizes = {step.adds: abs(step.metrics.loc[channel, "ITAE"]) for step in paper_gap.steps}
-    (cause, change), (cause_down, change_down) = paper_gap.cause(channel), down.cause(channel)
-
-    assert cause == cause_down == max(sizes, key=sizes.get)
-    assert change_down == pytest.approx(-change)
 
 
 def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
@@ -146,26 +117,6 @@ def test_the_aircrafts_own_limits_hold_on_every_rung():
         assert np.abs(np.diff(phi_cmd)).max() <= math.radians(30.0) * 0.02 + ROUNDING
 
 
-def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
-    wild = ft.PIGains(K_P=-ft.PAPER_GAINS.K_P, K_I=-ft.PAPER_GAINS.K_I)
-
-    gap = ft.gap(ft.load_scenario("paper"), wild, name="wild")
-
-    assert gap.status == "cut_short"
-    assert gap.reason
-    assert len({len(run.signals) for run in gap.runs}) == 1
-    assert gap.residual < ROUNDING
-    assert gap.indicators.status == "unstable"
-    assert len(charts.gap_charts(gap)) == 10
-    # A rung that failed has no metrics, and gives none to its steps.
-    assert gap.failed["point_mass"] == "ended early (left envelope)"
-    assert "kinematic" not in gap.failed  # in still air the paper's law has no pole
-    for step in (*gap.steps, gap.whole):
-        failed = {step.lower, step.upper} & gap.failed.keys()
-        assert step.metrics.isna().all(axis=None) == bool(failed)
-        assert np.isfinite(step.chi).all()
-
-
 def test_a_course_error_that_goes_around_is_no_overshoot(paper_gap):
     run = paper_gap.runs[0]
     around = np.linspace(0.0, 2.0 * math.pi, len(run.signals))
@@ -192,69 +143,6 @@ def test_a_scenario_without_aircraft_has_no_gap():
         ft.gap(changed("level_turn", plant=[{"kind": "kinematic"}]), ft.PAPER_GAINS)
 
 
-def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
-    metrics = paper_gap.flown().metrics["ITAE"]
-    for channel in ("chi", "gamma"):
-        shown = re.findall(r">([+−]?[\d.]+)</text>", charts.itae_chart(paper_gap, channel).svg())
-        first, *steps, last = (float(text.replace("−", "-")) for text in shown[-5:])
-        assert first + sum(steps) == pytest.approx(last, abs=0.02)
-        assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
-
-
-def test_each_bar_of_itae_stands_where_the_one_before_ends(paper_gap):
-    metrics = paper_gap.flown().metrics["ITAE"]
-    for channel in ("chi", "gamma"):
-        chart = charts.itae_chart(paper_gap, channel)
-        lows, tops = (y for _, y in chart._seen[:2])
-        levels = [metrics[run.label, channel] for run in paper_gap.runs]
-        between = np.sort([levels[:-1], levels[1:]], axis=0)
-        assert lows == pytest.approx([0.0, *between[0], 0.0])
-        assert tops == pytest.approx([levels[0], *between[1], levels[-1]])
-        drawn = [y.tolist() for _, y in chart._seen[2:] if len(y) == 2]
-        assert drawn == [pytest.approx([level] * 2) for level in levels]
-        assert chart.y_range[0] <= 0.0 < max(levels) < chart.y_range[1]
-
-
-def test_steps_rungs_and_the_mismatch_are_drawn_in_degrees(paper_gap):
-    for i, channel in enumerate(("chi", "gamma")):
-        adds = charts.steps_chart(paper_gap, channel)
-        reference, *rungs = charts._rungs(paper_gap, channel)._seen
-        flown = [np.degrees(np.unwrap(run.signals[channel])) for run in paper_gap.runs]
-        *steps, whole = [y for _, y in adds._seen]
-        for (_, y), own in zip(rungs, flown, strict=True):
-            assert np.ptp(y) == pytest.approx(np.ptp(own))
-            assert y[-1] == pytest.approx(own[-1])
-        for step, lower, upper in zip(steps, flown[:-1], flown[1:], strict=True):
-            assert step[-1] == pytest.approx((upper - lower)[-1])
-        assert whole[-1] == pytest.approx((flown[-1] - flown[0])[-1])
-        assert [name for name, *_ in adds.legend][-1] == "sum"
-        wanted = paper_gap.runs[0].signals[f"{channel}_ref"].to_numpy()
-        assert reference[1][-1] == pytest.approx(np.degrees(wanted[-1]))
-        ((_, d),) = charts._mismatch(paper_gap, channel)._seen
-        largest = np.degrees(np.abs(paper_gap.mismatch.d[:, i]).max())
-        assert np.abs(d).max() == pytest.approx(largest)
-        assert adds.x_range == (0.0, paper_gap.aircraft.duration)
-
-
-def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
-    run = paper_gap.aircraft
-    error = run.signals["chi_err"]
-    banded = claimed(run, chi_err=(error - 0.1, error - 0.05))
-
-    chart = charts.bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], banded)), "chi")
-
-    assert "counted band, left" in [name for name, *_ in chart.legend]
-    (_, shown), (_, low), (_, high) = chart._seen
-    assert [x[-1] for x in (shown, low, high)] == pytest.approx(
-        np.degrees(error.iloc[-1] + np.array([0.0, -0.1, -0.05]))
-    )
-    inside = claimed(run, chi_err=(error - 0.1, error + 0.1))
-    other = charts.bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], inside)), "chi")
-    assert "counted band, flight inside" in [name for name, *_ in other.legend]
-    assert "nothing is claimed" not in chart.title
-    assert "nothing is claimed" in charts.bound_chart(paper_gap, "chi").title
-
-
 class AboutAircraft:
     """A claim about flights on some plants, around the error of their course."""
 
@@ -278,15 +166,6 @@ def test_a_gap_has_claims_about_the_flight_of_the_aircraft_alone(paper_gap):
     assert bounded.aircraft.claims[0].contains(bounded.aircraft.signals)
     with pytest.raises(ft.InputError, match="it is another plant"):
         paper_gap.within(AboutAircraft(*RUNGS[:-1]))
-
-
-def test_a_source_of_a_comparison_has_claims_about_each_run_that_they_cover(paper_gap):
-    source = compare.Source(name="rungs", runs=paper_gap.runs)
-
-    bounded = source.within(AboutAircraft(*RUNGS[1:3]), AboutAircraft(RUNGS[1]))
-
-    assert [len(run.claims) for run in bounded.runs] == [0, 2, 1, 0]
-    assert (bounded.name, bounded.chosen) == ("rungs", True)
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import pytest
 from made_up import run_file
 
 import flighttune as ft
-from flighttune.gaps import compare
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -54,67 +53,6 @@ def test_the_largest_distance_is_that_of_pythagoras(fly_line, flown, distance):
     assert pair.max_distance == pytest.approx(distance, abs=MICROMETRE)
     if "drift" in flown:
         assert pair.t_max_distance == 20.0
-
-
-@pytest.mark.parametrize("order", [1, -1])
-def test_runs_are_as_far_apart_as_both_were_flown_and_the_longer_is_drawn(fly_line, order):
-    """At 0.1 m/s they are half a metre apart after the 5 s of the shorter."""
-    whole, drifting = fly_line(), fly_line(drift=(0.1, 0.0, 0.0))
-    short = dataclasses.replace(drifting, signals=drifting.signals.loc[:5.0])
-
-    (pair,) = ft.compare(*[whole, short][::order]).pairs
-    drawn = compare.overlaid(ft.compare(whole, short, drifting))
-
-    assert pair.max_distance == pytest.approx(0.5, abs=MICROMETRE)
-    assert pair.t_max_distance == pytest.approx(5.0)
-    assert (pair.a.duration, pair.b.duration) == (5.0, 5.0)
-    assert sorted(run.duration for run in drawn) == [5.0, 20.0, 20.0]
-
-
-def test_a_log_without_places_is_at_no_distance(fly_line):
-    run = fly_line()
-    log = dataclasses.replace(run, signals=run.signals.drop(columns=["north", "east", "down"]))
-
-    assert all(map(math.isnan, compare.largest_distance(run, log)))
-
-
-def test_what_two_logs_lack_is_said_once_with_their_names(fly_line):
-    lacking = {"a": ("no gamma", "no h"), "b": ("no gamma", "no h"), "c": ("no h",)}
-    logs = [
-        compare.Source(name=x, runs=(fly_line(),), missing=lines) for x, lines in lacking.items()
-    ]
-
-    assert ft.compare(*logs).missing == ("a and b: no gamma", "a, b and c: no h")
-
-
-@pytest.mark.parametrize(
-    ("name", "a", "b", "expected"),
-    [
-        ("ITAE", 1.0, 2.0, "a"),
-        ("MS_rad", -0.1, 0.2, "a"),
-        ("MS_rad", 0.2, -0.1, "b"),
-        ("settling_s", math.nan, 9.0, "b"),
-        ("settling_s", math.nan, math.nan, "same"),
-        ("n_z_max", 1.0, 2.0, ""),
-        ("MO_rad", 0.3, 0.3, "same"),
-    ],
-)
-def test_less_is_better_except_where_nothing_is_and_never_is_worst(name, a, b, expected):
-    assert compare.better(name, a, b) == expected
-
-
-def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
-    law, craft = fly_line(), fly_line(plant="jsbsim:aerosonde")
-    tuned = fly_line(gains="tuned"), fly_line(plant="jsbsim:aerosonde", gains="tuned")
-
-    def paired(*sides):
-        sources = (compare.Source(name="", runs=side) for side in sides)
-        return [(pair.a, pair.b) for pair in ft.compare(*sources).pairs]
-
-    assert paired((law, craft), (craft, law)) == [(law, law), (craft, craft)]
-    assert paired((law, craft), tuned) == [(law, tuned[0]), (craft, tuned[1])]
-    assert paired((law, tuned[0]), (craft, tuned[1])) == [(law, craft), (tuned[0], tuned[1])]
-    assert paired((law,), (tuned[1],)) == [(law, tuned[1])]
 
 
 @pytest.mark.parametrize(
@@ -167,15 +105,6 @@ def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
     assert value(found, "ITAE")["diff"] == 0.0
 
 
-def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
-    runs = [fly_line(gains=gains) for gains in ("paper", "K1", "K2")]
-
-    found = ft.compare(compare.Source(name="runs/mine", runs=(*runs, never_flown(runs[2]))))
-
-    assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
-    assert found.missing == ("runs/mine: kinematic / K2: no gains: infeasible",)
-
-
 def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):
     for plant, gains in product(("kinematic", "jsbsim:aerosonde"), ("paper", "K1")):
         run = fly_line(plant=plant, gains=gains)
@@ -202,11 +131,3 @@ def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
         assert found.missing == ()
         assert found.max_distance == 0.0
         assert set(found.metrics["better"]) <= {"same", ""}
-
-
-def test_an_overlay_holds_every_run_once_under_names_of_its_own(fly_line):
-    found = ft.compare(fly_line(), fly_line(rate=2.0), fly_line(gains="K1"))
-
-    labels = [run.label for run in compare.overlaid(found)]
-
-    assert labels == ["kinematic / paper (A)", "kinematic / paper (B)", "kinematic / K1"]

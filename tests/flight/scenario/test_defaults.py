@@ -8,7 +8,6 @@ import pytest
 from pydantic import BaseModel
 
 import flighttune as ft
-from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 
 # Defaults of release 0.4.0 by table, but for keys that are None, empty or False without a value.
 SCENARIO = {
@@ -33,13 +32,6 @@ CAMPAIGN = {
     "plant.airframe.fault": {"ended_by": "cut"},  # since 0.5.0
 }
 
-
-AIRCRAFT = {
-    "": {"inner_loop_rate_hz": 200.0},
-    "engines": {
-        "count": 1, "throttle": (0.0, 1.0), "command": "fcs/throttle-cmd-norm", "full": 1.0,
-    },
-}  # fmt: skip
 
 # Numbers of options of verbs that stand for themselves, if they are not zero.
 OPTIONS = {
@@ -84,13 +76,6 @@ def test_keys_that_are_left_out_of_a_campaign_mean_what_they_meant():
     whole = {"nominal", "central"}  # scenarios in a campaign
     own = {place: keys for place, keys in found.items() if place.split(".")[0] not in whole}
     assert own == CAMPAIGN
-
-
-def test_keys_that_are_left_out_of_an_aircraft_mean_what_they_meant():
-    found = defaults(AircraftConfig)
-    assert {place: found[place] for place in AIRCRAFT} == AIRCRAFT
-    surfaces = {f"surfaces.{name}" for name in ("aileron", "elevator", "rudder")}
-    assert {*found} == {*AIRCRAFT} | surfaces
 
 
 def test_numbers_that_are_left_out_of_a_call_mean_what_they_meant():

@@ -1,18 +1,13 @@
 """Gain sets from files, chosen gain sets, and values set by dotted key, in every command."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import answer, flighttune
 from fuzzing import to_toml
-from printed import TABLE_2
 
 import flighttune as ft
-from flighttune.campaigns.planning.plan import plan_from
-from flighttune.flight.models import gain_set
-from flighttune.flight.scenario.load import with_gains
 
 TURN = {
     "title": "turn",
@@ -45,42 +40,6 @@ def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, t
     assert ft.refly([flown]).equal
     with pytest.raises(ft.ScenarioError, match=r"my gains\.json: .*readable"):
         ft.load_scenario(turn)
-
-
-@pytest.mark.parametrize(
-    ("names", "flown"),
-    [
-        (["my gains.json"], ["my_gains"]),
-        (["exact.toml", "exact:paper"], ["exact:exact", "exact:paper"]),
-        (["K3", "exact:K3"], ["K3", "exact:K3"]),
-        (["my_gains"], ["my_gains"]),
-    ],
-)
-def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, monkeypatch):
-    monkeypatch.chdir(turn.parent)
-    (turn.parent / "exact.toml").write_text(to_toml({"law": "exact", **K}))
-    chosen = ft.load_scenario(turn, gains=names)
-
-    assert list(chosen.gain_names) == flown
-    assert len(chosen.expect) == ("my_gains" in flown)
-    gains, shift = gain_set(chosen, flown[0]), TABLE_2["K3"][0] * np.eye(2)
-    for key in ("K_P", "K_I"):
-        numbers = {"K3": getattr(ft.PAPER_GAINS, key) - shift}.get(flown[0], np.array(K[key]))
-        assert getattr(gains, key) == pytest.approx(numbers)
-
-
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        (["K3", "exact:K4"], r"turn: `gains` must be the same for every law"),
-        (["K3", "K3"], "name nothing twice"),
-        (["pper"], "turn: `gains` must be one of .*got 'pper'; did you mean paper"),
-        (["exct:K3"], "`gains` must name a law"),
-    ],
-)
-def test_gain_sets_that_cannot_be_flown_together_are_refused(names, message, turn):
-    with pytest.raises(ft.InputError, match=message):
-        with_gains(ft.load_scenario(turn), names, "turn")
 
 
 @pytest.mark.parametrize("verb", [ft.fly, ft.tune, ft.certify])
@@ -170,25 +129,6 @@ def test_a_command_takes_gains_from_a_file_and_values_by_key(command, right, tur
 
     assert right(said)
     assert "turn.toml with its changes: [flight] `V_a_mps` must be" in err
-
-
-def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypatch):
-    monkeypatch.chdir(turn.parent)
-    Path("c.toml").write_text(
-        'title = "c"\nscenario = "turn"\nruns = 2\ngains = ["my gains.json"]\n'
-    )
-    changes = {"flight.V_a_mps": 20.0}
-    about = ft.flights("turn.toml", changes=changes).starting(1.0).plan(gains="my gains.json")
-    campaign = ft.flights("c.toml", changes=changes).plan(gains="K3")
-    as_kept = plan_from(json.loads(json.dumps(campaign.as_dict())))
-
-    assert list(about.gain_sets) == ["my_gains"]
-    assert list(campaign.gain_sets) == ["K3"]
-    assert list(ft.flights("c.toml").plan().gain_sets) == ["my_gains"]
-    assert campaign.scenario.flight.V_a_mps == about.scenario.flight.V_a_mps == 20.0
-    assert campaign.campaign.title == "c (flight.V_a_mps = 20.0)"
-    assert campaign.campaign.overrides == {"flight.V_a_mps": 20.0}
-    assert not campaign.differences(as_kept)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,6 @@ import pytest
 from made_up import made_up_scenario, scenario_file, scenario_tables
 
 import flighttune as ft
-from flighttune.flight.conditions import start_condition
-from flighttune.flight.scenario.load import as_recorded
 
 ROUNDING = 1e-12
 
@@ -17,16 +15,6 @@ ROUNDING = 1e-12
 @pytest.fixture
 def tables():
     return ft.load_scenario("paper").as_dict()
-
-
-def test_edges_are_degrees_and_the_inside_is_radians():
-    scenario = ft.load_scenario("paper")
-    limits = scenario.limits.limits()
-
-    assert start_condition(scenario).chi == pytest.approx(math.pi / 3, abs=ROUNDING)
-    assert start_condition(scenario).gamma == pytest.approx(math.pi / 4, abs=ROUNDING)
-    assert limits.lower == pytest.approx([-math.pi / 4, -2.1], abs=ROUNDING)
-    assert limits.rate_upper == pytest.approx([math.pi / 6, 1.0], abs=ROUNDING)
 
 
 def test_a_rate_may_be_a_range(tables):
@@ -129,30 +117,6 @@ def test_a_plant_of_any_kind_may_have_a_name(name):
     labels = [f"jsbsim:aerosonde:{name}", f"kinematic:{name}"]
     assert [plant.label for plant in scenario.plant] == labels
     assert ft.scenario_from(scenario.as_dict()) == scenario
-
-
-@pytest.mark.parametrize("start", ["course", "heading"])
-def test_a_flight_starts_as_it_is_stated_in_rad_and_si(start):
-    stated = {
-        "V_a_mps": 23.0, "h_m": 700.0, "chi_deg": -50.0, "gamma_deg": 8.0, "phi_deg": -20.0,
-        "n_z": 1.3, "start": start,
-    }  # fmt: skip
-    condition = start_condition(made_up_scenario(flight=stated))
-
-    assert (condition.V_a, condition.h, condition.n_z) == (23.0, 700.0, 1.3)
-    angles = condition.chi, condition.gamma, condition.phi
-    assert angles == pytest.approx(np.radians([-50.0, 8.0, -20.0]))
-
-
-def test_tables_of_a_recording_start_on_their_heading_unless_they_say_otherwise():
-    """As releases have flown that did not have the key."""
-    old = {"title": "x", "flight": {"V_a_mps": 25.0}}
-
-    assert as_recorded(old) == {"title": "x", "flight": {"start": "heading", "V_a_mps": 25.0}}
-    new = {"flight": {"start": "course"}}
-    assert as_recorded(new) == new
-    for other in ("no table", {"flight": 3}, {}):
-        assert as_recorded(other) is other
 
 
 def test_a_list_that_is_none_is_refused_with_the_file(tmp_path):

@@ -12,7 +12,6 @@ from made_up import made_up_scenario
 from places import AIRCRAFT_NAMES, SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.flight import new
 
 ADOPTED = Path(__file__).parents[2] / "adopted"
 
@@ -159,13 +158,3 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(name, option, reason, tmp
 
     assert re.search(reason, err)
     assert not [*tmp_path.iterdir()]
-
-
-def test_a_file_that_is_refused_after_all_is_not_left(tmp_path, monkeypatch):
-    def refused(file):
-        raise ft.ScenarioError(f"{file}: must be another.")
-
-    monkeypatch.setattr(new, "load_scenario", refused)
-    with pytest.raises(ft.ScenarioError, match=r"mine\.toml: must be another"):
-        new.new_scenario(str(tmp_path / "mine"))
-    assert [*tmp_path.iterdir()] == []
