@@ -163,11 +163,7 @@ def fields(signals):
     """Velocity over ground and position of signals."""
     chi, gamma = signals["chi"], signals["gamma"]
     level = signals.get("V_g", signals["V_a"] * np.cos(gamma))
-    velocity = {
-        "vx": level * np.cos(chi),
-        "vy": level * np.sin(chi),
-        "vz": -level * np.tan(gamma),
-    }
+    velocity = {"vx": level * np.cos(chi), "vy": level * np.sin(chi), "vz": -level * np.tan(gamma)}
     return velocity | {"x": signals["north"], "y": signals["east"], "z": signals["down"]}
 
 

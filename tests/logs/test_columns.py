@@ -138,7 +138,9 @@ def test_every_column_of_a_right_log_agrees_with_others_that_are_named(said):
 
     assert wrong == []
     assert re.match(r"f_y cannot be checked: .*too little", rest)
-    pairs = dict(reversed(x.split(" with ")) for x in agree.removeprefix("These agree: ").split("; "))
+    pairs = dict(
+        reversed(x.split(" with ")) for x in agree.removeprefix("These agree: ").split("; ")
+    )
     found = {others.rstrip("."): {*re.findall(r"[a-zA-Z]\w*", re.sub(r"\(.*?\)| and ", " ", names))}
              for others, names in pairs.items()}  # fmt: skip
     rows = [row.split(" | ") for row in AGREE.strip().splitlines()]

@@ -23,7 +23,9 @@ MOST_KB = 1_000_000
 @pytest.fixture(scope="module")
 def originals(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
-    (run,) = ft.fly("level_turn", "paper", changes={"flight.duration_s": 6.0, "expect": []}).runs[:1]
+    (run,) = ft.fly("level_turn", "paper", changes={"flight.duration_s": 6.0, "expect": []}).runs[
+        :1
+    ]
     t, signals = sampled(run, noise=False, dropouts=False, late=False)
     return {name: write(folder / name, t, signals).read_bytes() for name, write in WRITERS.items()}
 

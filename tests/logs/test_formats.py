@@ -90,7 +90,7 @@ def written(path, kind, rank, but=()):
     """A log with the source of this rank of each signal, and the names that it has."""
     topics, names = {}, []
     for name, each in SOURCES[kind].items():
-        if name in but or name.startswith("q_") and "phi" in SOURCES[kind]:
+        if name in but or (name.startswith("q_") and "phi" in SOURCES[kind]):
             continue
         source, _, unit = each[min(rank, len(each) - 1)].partition(":")
         topic, _, field = source.partition(".")
@@ -288,7 +288,10 @@ def test_a_field_may_be_two_signals_and_a_command_is_the_measured_value_plus_its
 ):
     """Errors come between the measured values, of which the last one counts."""
     later = T[1:-1] + 0.1
-    messages = {"ATT": (T, {"Roll": np.degrees(FLIGHT["phi"])}), "ARSP": (T, {"Airspeed": 20 + 0 * T})}
+    messages = {
+        "ATT": (T, {"Roll": np.degrees(FLIGHT["phi"])}),
+        "ARSP": (T, {"Airspeed": 20 + 0 * T}),
+    }
     messages["ERR"] = later, {"Phi": 0.1 * np.cos(later)}
     path = dataflash(tmp_path / "f.dat", messages, old=old)
     columns = ["theta=ATT.Roll:deg", "phi_err=ERR.Phi"]

@@ -39,7 +39,9 @@ def table(seconds, *, seed=1, lift=True, dt=0.1):
     if lift:
         made |= {"n_z": 1.0 + behind(LIFT, load, fine), "n_z_cmd": 1.0 + load}
     made = {name: column[::step] for name, column in made.items()}
-    noisy = {x: made[x] + NOISE * rng.standard_normal(len(made["t"])) for x in {"phi", "n_z"} & {*made}}
+    noisy = {
+        x: made[x] + NOISE * rng.standard_normal(len(made["t"])) for x in {"phi", "n_z"} & {*made}
+    }
     return pd.DataFrame(made | noisy)
 
 
@@ -89,7 +91,9 @@ def test_both_channels_of_two_logs_come_back_and_each_log_scores_the_other(whole
     assert (lift.order, found.untold) == (1, {})
     assert [lift.natural_frequency, lift.delay] == pytest.approx([6.0, 0.1], rel=0.05)
     # what is left of the variance of a log is that of the noise
-    left = [100.0 * (1.0 - NOISE**2 / np.var(x.measured[30:])) for x in found.channels["phi"].sections]
+    left = [
+        100.0 * (1.0 - NOISE**2 / np.var(x.measured[30:])) for x in found.channels["phi"].sections
+    ]
     assert found.channels["phi"].by_log == pytest.approx(left, abs=0.03)
     assert found.title == "1 and 1 more"
     evidence = ft.loop.load_identified(model).log
@@ -117,7 +121,10 @@ def test_telemetry_identifies_roll(tmp_path):
     angles = {"roll": made["phi"], "yaw": 0.0 * made["t"]}
     messages = {"ATTITUDE": angles, "VFR_HUD": {"airspeed": made["V_a"]}}
     messages["NAV_CONTROLLER_OUTPUT"] = {"nav_roll": np.degrees(made["phi_cmd"])}
-    rows = {x: (made["t"].to_numpy(), {k: v.to_numpy() for k, v in of.items()}) for x, of in messages.items()}
+    rows = {
+        x: (made["t"].to_numpy(), {k: v.to_numpy() for k, v in of.items()})
+        for x, of in messages.items()
+    }
     tlog(tmp_path / "f.tlog", rows)
 
     said = answer("identify", "f.tlog", "--assume", "n_z=5", "--out", "mine.json", cwd=tmp_path)

@@ -56,7 +56,9 @@ def flown(tmp_path_factory):
     """The guidance that flies with a file of parameters, and its answer."""
     turn = tmp_path_factory.mktemp("turn") / "turn.toml"
     turn.write_text(TURN)
-    return lambda path, version=None: ft.compare(turn, autopilot=path, flights=1, version=version).now
+    return lambda path, version=None: (
+        ft.compare(turn, autopilot=path, flights=1, version=version).now
+    )
 
 
 @pytest.fixture
@@ -104,7 +106,11 @@ def test_parameters_of_px4_have_their_version_airspeed_and_rest(flown, tmp_path,
 
     assert now.law.parameters == {"NPFG_PERIOD": 12.5}
     assert now.name == "NPFG and TECS of PX4 1.15.4"
-    assert (now.unused, now.airspeed, now.rest) == (["NPFG_GSP_MAX_TK"], ("FW_AIRSPD_TRIM", 21.0), 1)
+    assert (now.unused, now.airspeed, now.rest) == (
+        ["NPFG_GSP_MAX_TK"],
+        ("FW_AIRSPD_TRIM", 21.0),
+        1,
+    )
 
 
 FORMER = {"NAVL1_PERIOD": 14.0, "LIM_ROLL_CD": 5500.0, "TECS_THR_DAMP": 0.5, "RC1_MIN": 1e3}
@@ -177,7 +183,9 @@ def test_what_flies_is_that_of_the_first_autopilot_and_of_its_version(
     now = read(text, version)
 
     assert now.law.parameters == parameters
-    assert re.search(words, " ".join(now.notes)) if words else not any("also" in x for x in now.notes)
+    assert (
+        re.search(words, " ".join(now.notes)) if words else not any("also" in x for x in now.notes)
+    )
     if words is None and version:
         assert "your version" not in str(now.notes)
 
@@ -295,7 +303,16 @@ def test_a_search_changes_values_alone_and_all_else_stays_to_the_byte(tmp_path, 
     ending = STATED[text]
     (tmp_path / "aim.toml").write_text(AIM)
     (tmp_path / f"mine{ending}").write_bytes((mark + text).encode())
-    command = ("meet", "aim.toml", "--with", f"mine{ending}", "--budget", 6, "--out", f"new{ending}")
+    command = (
+        "meet",
+        "aim.toml",
+        "--with",
+        f"mine{ending}",
+        "--budget",
+        6,
+        "--out",
+        f"new{ending}",
+    )
 
     flighttune(*command, cwd=tmp_path, status=None)
 

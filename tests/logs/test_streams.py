@@ -178,7 +178,9 @@ def test_what_sensors_did_wrong_is_said_with_its_first_time(tmp_path, streams, n
 
 @settings(max_examples=8)
 @given(shift=st.floats(0.0, 1e4), factor=st.sampled_from(["s", "ms", "us"]))
-def test_a_clock_that_is_shifted_or_counts_another_unit_tells_the_same(tmp_path_factory, shift, factor):
+def test_a_clock_that_is_shifted_or_counts_another_unit_tells_the_same(
+    tmp_path_factory, shift, factor
+):
     t, folder = 0.1 * np.arange(150), tmp_path_factory.mktemp("clock")
     size = {"s": 1.0, "ms": 1e-3, "us": 1e-6}[factor]
     table = {"clock": np.round((t + shift) / size, 6), "phi": 0.1 * np.sin(t), "V_a": 20.0 + t}

@@ -126,7 +126,9 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(read):
         {"lat_deg": 47.4, "lon_deg": 8.52, "up_m": 30.0},
     ]
     assert (route.flight.h_m, route.flight.ground_m) == (540.0, 480.0)
-    assert route.planned.conditions.startswith("airspeed 25 m/s (assumed), turns for wind up to 8.33")
+    assert route.planned.conditions.startswith(
+        "airspeed 25 m/s (assumed), turns for wind up to 8.33"
+    )
 
 
 @settings(max_examples=20)
@@ -139,7 +141,10 @@ def test_a_leg_over_the_earth_has_the_length_and_azimuth_of_its_geodesic(
 ):
     """By geographiclib, also over the date line; points in between lie on it."""
     end = Geodesic.WGS84.Direct(lat, lon, azimuth, far)
-    line = {"type": "LineString", "coordinates": [[lon, lat, 100.0], [end["lon2"], end["lat2"], 100.0]]}
+    line = {
+        "type": "LineString",
+        "coordinates": [[lon, lat, 100.0], [end["lon2"], end["lat2"], 100.0]],
+    }
     file = tmp_path_factory.mktemp("leg") / "m.geojson"
     file.write_text(json.dumps(line))
 
@@ -284,7 +289,9 @@ def test_an_airspeed_is_flown_from_its_place_on_or_refused_by_its_item(tmp_path)
     assert V[-1] == pytest.approx(20.0)
     assert "airspeed 20 to 25 m/s (25 m/s at the start is assumed), turns" in route.conditions
     file = plan_file(tmp_path / "m.plan", *PATROL[:2], item(178, 0, 150, -1, 0, 0, 0), *PATROL[2:])
-    with pytest.raises(ft.InputError, match=r"item 3 \(DO_CHANGE_SPEED 178, to 150 m/s, .* 15 to 45"):
+    with pytest.raises(
+        ft.InputError, match=r"item 3 \(DO_CHANGE_SPEED 178, to 150 m/s, .* 15 to 45"
+    ):
         ft.route(file)
     assert "airspeed 25 m/s (assumed)" in ft.route(file, changes={"route.skip": True}).conditions
     assert "airspeed 30 m/s, turns" in ft.route(file, changes={"flight.V_a_mps": 30.0}).conditions
@@ -320,7 +327,9 @@ CHANGED = [
 def test_an_item_that_cannot_be_flown_is_refused_by_its_number_with_and_without_skip(
     read, changes, says
 ):
-    whole = PATROL[1] | changes if "type" not in changes or changes["type"] == "SimpleItem" else changes
+    whole = (
+        PATROL[1] | changes if "type" not in changes or changes["type"] == "SimpleItem" else changes
+    )
     with pytest.raises(ft.InputError, match=says) as refusal:
         read(PATROL[0], whole, *PATROL[2:])
     assert "\n" not in str(refusal.value)
@@ -333,7 +342,9 @@ def test_an_item_that_lacks_a_key_is_refused_by_its_number(read, key):
         read(PATROL[0], less, *PATROL[2:])
 
 
-@pytest.mark.parametrize("extra", [DELAY, item(4242, 1), item(177, 2, 11, 0, *NO_PLACE, frame=2) | {"doJumpId": 9}])
+@pytest.mark.parametrize(
+    "extra", [DELAY, item(4242, 1), item(177, 2, 11, 0, *NO_PLACE, frame=2) | {"doJumpId": 9}]
+)
 def test_commands_that_change_the_flight_are_left_out_on_request_alone(read, extra):
     items = [x | {"doJumpId": i} for i, x in enumerate(PATROL, start=1)]
     with pytest.raises(ft.InputError, match=r"item 5 .*`--set route.skip=true` leaves"):
@@ -382,7 +393,10 @@ def test_rally_points_have_heights_above_the_first_waypoint(read, read_text):
         read_text(".waypoints", as_lines([*PATROL, item(5100, 0, 0, 0, 0, *points[0])])).rally,
     ):
         assert [(x.lat_deg, x.lon_deg, x.up_m) for x in found] == [(47.401, 8.51, 10.0)]
-    for items, points, words in (((), points * 2, "got 0 and 2 rally points"), (PATROL, [[47.4, 8.5]], "point 1 .* got None")):
+    for items, points, words in (
+        ((), points * 2, "got 0 and 2 rally points"),
+        (PATROL, [[47.4, 8.5]], "point 1 .* got None"),
+    ):
         with pytest.raises(ft.InputError, match=words):
             read(*items, rallyPoints={"points": points})
 
@@ -412,7 +426,9 @@ def test_a_first_line_that_is_no_home_is_part_of_the_route(read_text, text, name
     assert route.names == names.split(",")
     assert route.values("up_m", 0.0)[-1] == 30.0
     said = [note for note in route.notes if "no home" in note]
-    assert [f"its first line is {first}, which is part of the route" in x for x in said] == [True] * bool(first)
+    assert [f"its first line is {first}, which is part of the route" in x for x in said] == [
+        True
+    ] * bool(first)
     assert route.flight.h_m == (510.0 if " 430 " in text else 80.0)
 
 
@@ -467,11 +483,23 @@ def test_one_line_is_the_same_route_in_every_file_that_holds_it(read_text, tmp_p
     [
         (".kml", KML.format("relativeToGround"), 12.0, "above the ground"),
         (".kml", KML.format("clampToGround"), 0.0, "no heights that count, as its line is clamp"),
-        (".geojson", LINE | {"coordinates": [[8.5, 47.4], [8.5, 47.42]]}, 0.0, "no heights: the route is level"),
-        (".geojson", LINE | {"coordinates": [[8.5, 47.4, 0], [8.5, 47.42, 0]]}, 0.0, "no heights: the route"),
+        (
+            ".geojson",
+            LINE | {"coordinates": [[8.5, 47.4], [8.5, 47.42]]},
+            0.0,
+            "no heights: the route is level",
+        ),
+        (
+            ".geojson",
+            LINE | {"coordinates": [[8.5, 47.4, 0], [8.5, 47.42, 0]]},
+            0.0,
+            "no heights: the route",
+        ),
     ],
 )
-def test_heights_that_do_not_count_leave_that_of_the_start_to_the_user(read_text, ending, text, up, words):
+def test_heights_that_do_not_count_leave_that_of_the_start_to_the_user(
+    read_text, ending, text, up, words
+):
     route = read_text(ending, text)
 
     assert route.values("up_m", 0.0) == [0.0, up]
@@ -525,7 +553,9 @@ def test_a_kmz_without_one_kml_of_an_ordinary_size_is_refused(tmp_path, texts, s
             for name, text in texts.items():
                 archive.writestr(f"{name}.kml", text)
 
-    with pytest.raises(ft.InputError, match="compression" if texts and packing == ZIP_BZIP2 else says):
+    with pytest.raises(
+        ft.InputError, match="compression" if texts and packing == ZIP_BZIP2 else says
+    ):
         ft.route(file)
 
 
@@ -535,12 +565,26 @@ def test_heights_and_items_of_a_file_are_those_of_the_sentences_of_a_command(tmp
     with pytest.raises(ft.InputError, match=r"`ground_m`, 480 .* at item 4\."):
         ft.route(file)
     assert ft.route(file, changes={"flight.ground_m": 400.0}).scenario.flight.ground_m == 400.0
-    file = plan_file(tmp_path / "m.plan", PATROL[0], SPEED, CAMERA, PATROL[1], waypoint(47.41, 8.52, 360))
+    file = plan_file(
+        tmp_path / "m.plan", PATROL[0], SPEED, CAMERA, PATROL[1], waypoint(47.41, 8.52, 360)
+    )
     with pytest.raises(ft.InputError, match=r"of item 5 .*item 4"):
         ft.route(file)
     legs = [waypoint(47.4 + 0.001 * (k % 2), 8.5 + 0.0004 * (k // 2), 60) for k in range(6)]
     said = answer("mission", plan_file(tmp_path / "m.plan", PATROL[0], *legs), "--plan")
-    assert any(x.startswith("Turn-arounds at items 3 to 6 go up to") for x in [*said["summary"], *said["notes"]])
-    said, _ = flighttune("mission", "--plan", file, "--set", "route.wind_mps=30", "--set", "route.skip=true", status=None)
+    assert any(
+        x.startswith("Turn-arounds at items 3 to 6 go up to")
+        for x in [*said["summary"], *said["notes"]]
+    )
+    said, _ = flighttune(
+        "mission",
+        "--plan",
+        file,
+        "--set",
+        "route.wind_mps=30",
+        "--set",
+        "route.skip=true",
+        status=None,
+    )
     assert not any(word in said for word in (" inf ", "∞"))
     assert np.isfinite(ft.route(plan_file(file, *PATROL)).time)

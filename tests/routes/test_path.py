@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from plans import ABILITY, AROUND, Waypoint, plan, route_of
+from plans import ABILITY, AROUND, Waypoint, plan
 from scipy.special import fresnel
 
 import flighttune as ft
@@ -240,7 +240,10 @@ def test_the_roll_of_a_path_and_its_rate_are_within_the_ability(route):
 
     assert np.abs(roll).max() <= ABILITY["phi"] * (1 + 1e-9)
     # roll grows faster than its mean where it is small: tan(36 deg) / 36 deg = 1.156
-    assert np.abs(rate).max() <= ABILITY["phi_rate"] * math.tan(ABILITY["phi"]) / ABILITY["phi"] * 1.001
+    assert (
+        np.abs(rate).max()
+        <= ABILITY["phi_rate"] * math.tan(ABILITY["phi"]) / ABILITY["phi"] * 1.001
+    )
     assert np.diff(path.course) == pytest.approx(path.curvature[:-1], abs=1e-4)
 
 
