@@ -89,11 +89,17 @@ def agreeing():
     force = np.gradient(over, STEP, axis=0) - [0.0, 0.0, G]
     body = np.einsum("nij,ni->nj", axes_of(fine["phi"], fine["theta"], fine["psi"]), force)
     fine |= {
-        "f_x": body[:, 0], "f_y": body[:, 1], "f_z": -G * fine["n_z"], "down": -fine["h"],
-        "V_g": np.hypot(over[:, 0], over[:, 1]), "chi": np.arctan2(over[:, 1], over[:, 0]),
-        "wind_north": 0.0 * over[:, 0] + WIND[0], "wind_east": 0.0 * over[:, 0] + WIND[1],
-        "height_err": 500.0 - fine["h"], "theta_cmd": fine["theta"],
-    }  # fmt: skip
+        "f_x": body[:, 0],
+        "f_y": body[:, 1],
+        "f_z": -G * fine["n_z"],
+        "down": -fine["h"],
+        "V_g": np.hypot(over[:, 0], over[:, 1]),
+        "chi": np.arctan2(over[:, 1], over[:, 0]),
+        "wind_north": 0.0 * over[:, 0] + WIND[0],
+        "wind_east": 0.0 * over[:, 0] + WIND[1],
+        "height_err": 500.0 - fine["h"],
+        "theta_cmd": fine["theta"],
+    }
     return {name: column[::10].copy() for name, column in fine.items()}
 
 
@@ -141,8 +147,10 @@ def test_every_column_of_a_right_log_agrees_with_others_that_are_named(said):
     pairs = dict(
         reversed(x.split(" with ")) for x in agree.removeprefix("These agree: ").split("; ")
     )
-    found = {others.rstrip("."): {*re.findall(r"[a-zA-Z]\w*", re.sub(r"\(.*?\)| and ", " ", names))}
-             for others, names in pairs.items()}  # fmt: skip
+    found = {
+        others.rstrip("."): {*re.findall(r"[a-zA-Z]\w*", re.sub(r"\(.*?\)| and ", " ", names))}
+        for others, names in pairs.items()
+    }
     rows = [row.split(" | ") for row in AGREE.strip().splitlines()]
     assert found == {others: {*names.split()} - {"and"} for names, others in rows}
     assert {*ALL.split(), "phi"} - {"f_y"} == {x for names, _ in rows for x in names.split()}
@@ -169,8 +177,9 @@ def swapped(a, b):
 def turned(by):
     c, s = math.cos(by), math.sin(by)
     return lambda x: {
-        "v_north": c * x["v_north"] - s * x["v_east"], "v_east": s * x["v_north"] + c * x["v_east"],
-    }  # fmt: skip
+        "v_north": c * x["v_north"] - s * x["v_east"],
+        "v_east": s * x["v_north"] + c * x["v_east"],
+    }
 
 
 SWING = np.sin(0.6 * np.arange(600.0) * np.linspace(0.1, 0.5, 600))
@@ -179,30 +188,60 @@ RATES, COMMANDS = "V_a theta psi p q r", f"{AIR} n_z phi_cmd n_z_cmd"
 NO_CURE = "something else, and no factor, shift or exchange mends it"
 WRONG = [
     # columns, change, numbers and words of what is said: how it differs, and what would mend it
-    *[(DOWN, times(1.0 / x, "h"), f"slope of h .*: a factor of {x:.4g} .*{unit} read as m\\)")
-      for x, unit in ((si.foot, "ft"), (0.01, "cm"), (0.001, "mm"))],
-    *[(f"{AIR} V_g", times(1.0 / x, "V_g"), f"V_g is .*a factor of {x:.4g} .*{unit} read as m/s")
-      for x, unit in ((si.knot, "kn"), (si.kmh, "km/h"), (si.foot, "ft/s"), (0.01, "cm/s"), (si.mph, "mph"))],
-    (DOWN, times(1.0 / si.knot, "v_down"), r"h is 0\.51\d times .*0.5144 .*kn read as m/s\) to v_down"),
+    *[
+        (DOWN, times(1.0 / x, "h"), f"slope of h .*: a factor of {x:.4g} .*{unit} read as m\\)")
+        for x, unit in ((si.foot, "ft"), (0.01, "cm"), (0.001, "mm"))
+    ],
+    *[
+        (f"{AIR} V_g", times(1.0 / x, "V_g"), f"V_g is .*a factor of {x:.4g} .*{unit} read as m/s")
+        for x, unit in (
+            (si.knot, "kn"),
+            (si.kmh, "km/h"),
+            (si.foot, "ft/s"),
+            (0.01, "cm/s"),
+            (si.mph, "mph"),
+        )
+    ],
+    (
+        DOWN,
+        times(1.0 / si.knot, "v_down"),
+        r"h is 0\.51\d times .*0.5144 .*kn read as m/s\) to v_down",
+    ),
     (DOWN, times(-1.0, "h"), r"h is -\d.*a factor of -1 would do \(its sign is turned\)"),
     (DOWN, late(3.0, "h"), r"slope of h comes 3\.0 s after .*: a shift by -3\.0 s would"),
     (DOWN, late(-3.0, "h"), r"slope of h comes 3\.0 s before .*: a shift by \+3\.0 s would"),
-    (DOWN, times(0.0, "h"), rf"does not change with the vertical .*0\.00\): h or v_down is {NO_CURE}"),
+    (
+        DOWN,
+        times(0.0, "h"),
+        rf"does not change with the vertical .*0\.00\): h or v_down is {NO_CURE}",
+    ),
     ("V_a v_down down h", times(1.0 / si.foot, "down"), r"slope of down is 3\.28 .*0\.3048"),
     ("v_north v_east chi", plus(-np.radians(20.0), "chi"), r"chi is -20\.0 deg off .*\+20\.0 deg"),
     (f"{AIR} psi", plus(np.radians(90.0), "psi"), r"psi is .*a change by -\d+\.\d deg"),
-    ("V_a height_err v_down", times(-1.0, "height_err"), r"height_err is -(0\.99\d|1) .*factor of -1"),
+    (
+        "V_a height_err v_down",
+        times(-1.0, "height_err"),
+        r"height_err is -(0\.99\d|1) .*factor of -1",
+    ),
     (RATES, swapped("q", "r"), "q is unlike the changes of attitude .*q and r exchanged"),
     (RATES, times(-1.0, "p"), r"p is -1\.?\d* .*factor of -1"),
     (RATES, times(1.0 / si.degree, *"pqr"), r"p is .*a factor of 0\.01745 .*deg read as rad"),
     (RATES, times(1.0 / si.degree, "r"), r"r is .*a factor of 0\.01745 .*deg read as rad"),
     (RATES, late(3.0, *"pqr"), r"[pqr] comes 3\.\d s after .*-3\.\d s of p, q and r"),
     (RATES, lambda _: {"p": 0.3 * SWING}, f"p is unlike .*: p is {NO_CURE}"),
-    (f"{RATES} v_north v_east v_down north east h", lambda x: {"t_s": 1.1 * x["t_s"]}, r"t: rates .* all 1\.1 times .*a factor of 0\.90[789]"),
+    (
+        f"{RATES} v_north v_east v_down north east h",
+        lambda x: {"t_s": 1.1 * x["t_s"]},
+        r"t: rates .* all 1\.1 times .*a factor of 0\.90[789]",
+    ),
     (PATH, swapped("v_north", "v_east"), r"velocity is unlike the path .*v_east and v_north exch"),
     (PATH, turned(0.4), r"chi is \+22\.9 deg off .*a turn of the velocity by -22\.9 deg"),
     (f"{PATH} chi", turned(-0.4), r"chi is -22\.9 deg off .*a turn of the velocity by \+22\.9"),
-    (PATH, times(1.0 / si.foot, "north", "east"), r"velocity is 0\.305 .*3\.281|0\.3048 .*to north"),
+    (
+        PATH,
+        times(1.0 / si.foot, "north", "east"),
+        r"velocity is 0\.305 .*3\.281|0\.3048 .*to north",
+    ),
     (PATH, times(-1.0, "v_east"), r"factor of -1 .*v_east"),
     (AIR, times(1.0 / si.kmh, "V_a"), r"V_a in turns is 3\.6\d* .*0\.2778 .*km/h"),
     (f"{AIR} psi", times(1.0 / si.knot, "V_a"), r"V_a in turns is 1\.9\d .*0\.5144 .*kn"),
@@ -217,11 +256,14 @@ WRONG = [
     (COMMANDS, swapped("phi", "phi_cmd"), "phi and phi_cmd exchanged"),
     (COMMANDS, late(1.0, "phi_cmd"), r"phi_cmd comes 0\.[67] s after .*-0\.[5-9] s|a shift by -1"),
     (f"{AIR} theta psi f_x", times(1.0 / G, "f_x"), r"f_x is 0\.1\d* .*9\.807 .*g read as m/s2"),
-    (f"{AIR} psi wind_north wind_east", times(-1.0, "wind_north", "wind_east"),
-     r"the wind is -.*factor of -1 .*wind_east and wind_north|wind"),
+    (
+        f"{AIR} psi wind_north wind_east",
+        times(-1.0, "wind_north", "wind_east"),
+        r"the wind is -.*factor of -1 .*wind_east and wind_north|wind",
+    ),
     ("v_down V_a V_err", times(-1.0, "V_err"), r"V_err is -.*factor of -1"),
     (AIR, times(180.0 / math.pi, "phi"), r"phi goes up to \d\d\.?\d* rad: a factor of 0\.01745"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("there", "change", "words"), WRONG)
@@ -236,18 +278,28 @@ NOTED = [
     (COMMANDS, lambda _: {"phi_cmd": SWING}, rf"phi_cmd is unlike .*: phi_cmd is {NO_CURE}"),
     ("V_a height_err v_down", times(1.0 / si.foot, "height_err"), r"3\.28 .*0\.3048"),
     (RATES, times(0.0, "q"), "q is 0 throughout"),
-    (f"{AIR} V_g chi", lambda x: {"V_a": x["V_g"]}, "V_a cannot be checked: it is the ground speed"),
+    (
+        f"{AIR} V_g chi",
+        lambda x: {"V_a": x["V_g"]},
+        "V_a cannot be checked: it is the ground speed",
+    ),
     ("psi v_north v_east V_a", times(1.2, "V_a"), r"V_a \(1\.20 times it\) with the ground speed"),
     ("theta V_a V_err", times(1.0), "phi and V_a cannot be checked: the log has no v_north and v_"),
     ("theta V_a V_err", times(1.0), "theta cannot be checked: the log has no gamma"),
     ("V_a", times(1.0), "phi and V_a cannot be checked"),
-    ("V_a lat lon", lambda x: {"lat": 0.8 + x["north"] / 6.4e6, "lon": 0.1 + x["east"] / 4.4e6},
-     r"(?s)v_north is the slope of north.*v_east is the slope of east"),
+    (
+        "V_a lat lon",
+        lambda x: {"lat": 0.8 + x["north"] / 6.4e6, "lon": 0.1 + x["east"] / 4.4e6},
+        r"(?s)v_north is the slope of north.*v_east is the slope of east",
+    ),
     ("V_g chi", times(1.0), r"(?s)north is the integral of v_north"),
     ("V_a f_z v_north v_east v_down", times(-1.0, "f_z"), "after its sign was turned: z is up"),
-    ("v_north v_east V_a", lambda x: {"v_north": 20.0 + 0.0 * x["phi"], "v_east": 0.0 * x["phi"]},
-     "V_a cannot be checked: the log is of one heading"),
-]  # fmt: skip
+    (
+        "v_north v_east V_a",
+        lambda x: {"v_north": 20.0 + 0.0 * x["phi"], "v_east": 0.0 * x["phi"]},
+        "V_a cannot be checked: the log is of one heading",
+    ),
+]
 
 
 @pytest.mark.parametrize(("there", "change", "words"), NOTED)
@@ -262,8 +314,10 @@ def test_what_cannot_be_told_is_a_note_and_no_fault(said, there, change, words):
 
 def test_several_errors_at_once_are_each_said(said):
     change = {
-        "p": lambda x: -x["p"], "h": lambda x: x["h"] / si.foot, "V_a": lambda x: 3.6 * x["V_a"],
-    }  # fmt: skip
+        "p": lambda x: -x["p"],
+        "h": lambda x: x["h"] / si.foot,
+        "V_a": lambda x: 3.6 * x["V_a"],
+    }
     wrong, _ = said(f"{RATES} {AIR} h", lambda x: {k: f(x) for k, f in change.items()})
 
     assert len(wrong) == 3
@@ -285,9 +339,7 @@ def test_a_part_of_a_log_has_the_verdict_of_the_whole(said):
     """A part may hardly vary, or be too short to tell anything."""
     for change in (times(1.0), times(-1.0, "p")):
         whole, _ = said(RATES, change)
-        assert [said(RATES, change, start=a, end=a + 8.0)[0] for a in (0.0, 30.0)] == [
-            whole, whole,
-        ]  # fmt: skip
+        assert [said(RATES, change, start=a, end=a + 8.0)[0] for a in (0.0, 30.0)] == [whole, whole]
 
 
 @pytest.mark.parametrize(

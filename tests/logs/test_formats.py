@@ -20,7 +20,8 @@ TAKEN = {"MAVLink": 1e-3, "ULog": 2e-5, "DataFlash": 1e-6, "csv": 1e-9}
 
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "angle": {"rad": 1.0} | dict.fromkeys(("deg", "°"), si.degree)
+    "angle": {"rad": 1.0}
+    | dict.fromkeys(("deg", "°"), si.degree)
     | {"cdeg": si.degree / 100.0, "1e-7deg": 1e-7 * si.degree},
     "rate": {"rad/s": 1.0, "deg/s": si.degree, "°/s": si.degree},
     "length": {"m": 1.0, "mm": si.milli, "cm": si.centi, "km": si.kilo, "ft": si.foot},
@@ -28,7 +29,7 @@ UNITS = {
     | dict.fromkeys(("kn", "kt"), si.knot),
     "load": {"1": 1.0, "g": 1.0, "mG": 1e-3},
     "force": dict.fromkeys(("m/s^2", "m/s2", "m/s²"), 1.0) | {"g": si.g, "mG": 1e-3 * si.g},
-}  # fmt: skip
+}
 OF_UNITS = {"time": "t", "angle": "psi", "rate": "p", "length": "h", "speed": "V_a"}
 OF_UNITS |= {"load": "n_z", "force": "f_z"}
 DT = 0.2
@@ -66,10 +67,14 @@ EVENTS = {
     "armed": ((1, 2, 2), (0, 1, 1), (0, 128, 255)),
     "airborne": ((1, 1, 0), (0, 0, 1), (1, 1, 2)),
     "fix": ((3, 2, 3),) * 3,
-    "clip_x": ((0, 2, 2),) * 3, "clip_y": ((4, 4, 5),) * 3, "clip_z": ((0, 0, 0),) * 3,
-    "vibe_x": ((1, 5, 1),) * 3, "vibe_y": ((1, 1, 2),) * 3, "vibe_z": ((1, 1, 31),) * 3,
+    "clip_x": ((0, 2, 2),) * 3,
+    "clip_y": ((4, 4, 5),) * 3,
+    "clip_z": ((0, 0, 0),) * 3,
+    "vibe_x": ((1, 5, 1),) * 3,
+    "vibe_y": ((1, 1, 2),) * 3,
+    "vibe_z": ((1, 1, 31),) * 3,
     "vehicle": ((2, 2, 2),) * 3,
-}  # fmt: skip
+}
 
 
 def values_of(kind, name):
@@ -112,9 +117,11 @@ def assert_flight(run, names, kind):
         expected = FLIGHT[name]
         if name in ("north", "east", "down"):
             expected = expected - expected[0]
-        off = np.angle(np.exp(1j * (values - expected))) if abs(expected).max() < 7 else (
-            values - expected
-        )  # fmt: skip
+        off = (
+            np.angle(np.exp(1j * (values - expected)))
+            if abs(expected).max() < 7
+            else (values - expected)
+        )
         assert np.abs(off).max() < 30.0 * TAKEN[kind], name
 
 
@@ -227,15 +234,20 @@ def test_every_unit_that_is_known_has_the_factor_of_its_definition(tmp_path):
 LABELS = [
     (("t", "phi_deg", "V_a_kt", "n_z", "h_ft"), (1.0, si.degree, si.knot, 1.0, si.foot)),
     (("time [s]", "phi [deg]", "V_a[kt]", "n_z [-]", "h_m"), (1.0, si.degree, si.knot, 1.0, 1.0)),
-    (("timestamp_ms", "phi (°)", "V_a [km/h]", "n_z [g]", "h (cm)"),
-     (1e-3, si.degree, si.kmh, 1.0, 0.01)),
+    (
+        ("timestamp_ms", "phi (°)", "V_a [km/h]", "n_z [g]", "h (cm)"),
+        (1e-3, si.degree, si.kmh, 1.0, 0.01),
+    ),
     (("t (us)", "phi_rad", "V_a_fps", "n_z (m/s2)", "h [km]"), (1e-6, 1.0, si.foot, 1.0, 1e3)),
     (("time_s ", "phi ", "V_a_kmh ", "n_z ", "h_m "), (1.0, 1.0, si.kmh, 1.0, 1.0)),
-]  # fmt: skip
+]
 FORMS = [
-    {}, {"sep": ";", "decimal": ","}, {"sep": "\t", "encoding": "latin-1"}, {"encoding": "utf-16"},
+    {},
+    {"sep": ";", "decimal": ","},
+    {"sep": "\t", "encoding": "latin-1"},
+    {"encoding": "utf-16"},
     {"sep": ";"},
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("labels", "form"), [*zip(LABELS, FORMS, strict=True)])
@@ -316,8 +328,11 @@ def test_a_dataflash_log_that_was_converted_to_text_is_read_and_cut_into_modes(t
         *(f"MODE, {5000 + 5000 * k}, {mode}" for k, mode in enumerate(modes)),
         *(f"ATT, {5000 + 100 * i}, 12.00, {0.1 * i:.2f}, 2.00, 90.00" for i in range(300)),
         # the clock of old GPS messages is that of the week, beside T
-        *(f"GPS, 3, {10**8 + 200 * i}, 1800, {22 + 0.01 * i}, 90.0, {5000 + 200 * i}" for i in range(150)),
-    ]  # fmt: skip
+        *(
+            f"GPS, 3, {10**8 + 200 * i}, 1800, {22 + 0.01 * i}, 90.0, {5000 + 200 * i}"
+            for i in range(150)
+        ),
+    ]
     path = tmp_path / "modes.log"
     path.write_text("\n".join([*lines, ""]))
 
@@ -491,17 +506,32 @@ def test_columns_and_clocks_that_cannot_be_of_a_flight_are_refused(tmp_path, tab
 @pytest.mark.parametrize(
     ("write", "words"),
     [
-        (lambda p: dataflash(p, {"ATT": (T, {"Roll": T}), "GPS": (T, {"Spd": 20 + 0 * T})},
-                             vehicle="ArduCopter V4"), "without wings .ArduCopter.*no airspeed"),
-        (lambda p: tlog(p, {"ATTITUDE": (T, {}), "VFR_HUD": (T, {"airspeed": 9 + 0 * T})}, 13),
-         "without wings .type 13.*no roll commands"),
-        (lambda p: ulog(p, {"vehicle_attitude": (T, {"q": np.eye(4)[[0] * 150]}),
-                            "vehicle_status": (T, {"vehicle_type": 1 + 0 * T})}),
-         "without wings .type 1 of PX4"),
+        (
+            lambda p: dataflash(
+                p,
+                {"ATT": (T, {"Roll": T}), "GPS": (T, {"Spd": 20 + 0 * T})},
+                vehicle="ArduCopter V4",
+            ),
+            "without wings .ArduCopter.*no airspeed",
+        ),
+        (
+            lambda p: tlog(p, {"ATTITUDE": (T, {}), "VFR_HUD": (T, {"airspeed": 9 + 0 * T})}, 13),
+            "without wings .type 13.*no roll commands",
+        ),
+        (
+            lambda p: ulog(
+                p,
+                {
+                    "vehicle_attitude": (T, {"q": np.eye(4)[[0] * 150]}),
+                    "vehicle_status": (T, {"vehicle_type": 1 + 0 * T}),
+                },
+            ),
+            "without wings .type 1 of PX4",
+        ),
         (lambda p: p.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(3)) and p, "ULog log, got a dam"),
         (lambda p: p.write_text("t,phi\n0,0\n") and p, "must be a ULog .*got another file"),
     ],
-)  # fmt: skip
+)
 def test_a_vehicle_without_wings_and_another_file_are_refused(tmp_path, write, words):
     with pytest.raises(ft.RecordingError, match=words):
         ft.load_log(write(tmp_path / "x.dat"))

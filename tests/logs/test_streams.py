@@ -73,7 +73,10 @@ def test_the_fastest_message_sets_a_sample_time_of_20_to_200_ms(tmp_path, period
         assert V_a == pytest.approx(20.0 + 0.1 * whole[inside], abs=0.11 * period)
         roll = np.degrees(run.signals["phi"].to_numpy())[inside]
         # a chord lies above a parabola by up to a quarter of the square of half its length
-        assert roll == pytest.approx(0.1 * whole[inside] ** 2, abs=0.026 * period**2 + 2e-3 * dt + 0.1 * whole.max() * (period < dt) * dt * 0.3)  # fmt: skip
+        assert roll == pytest.approx(
+            0.1 * whole[inside] ** 2,
+            abs=0.026 * period**2 + 2e-3 * dt + 0.1 * whole.max() * (period < dt) * dt * 0.3,
+        )
 
 
 def test_angles_between_samples_take_the_shorter_way_and_gaps_are_empty(tmp_path):
@@ -89,7 +92,9 @@ def test_angles_between_samples_take_the_shorter_way_and_gaps_are_empty(tmp_path
     run = ft.load_log(dataflash(tmp_path / "f.bin", messages))
 
     course = dict(zip(run.t.round(1), np.degrees(run.signals["chi"]) % 360.0, strict=True))
-    assert [course[x] for x in (9.0, 9.2, 9.8, 10.0)] == pytest.approx([170.0, 174.0, 186.0, 190.0], abs=0.4)  # fmt: skip
+    assert [course[x] for x in (9.0, 9.2, 9.8, 10.0)] == pytest.approx(
+        [170.0, 174.0, 186.0, 190.0], abs=0.4
+    )
     V_a = run.signals["V_a"].to_numpy()
     gap = (run.t > 4.05) & (run.t < 8.95)
     assert np.isnan(V_a).tolist() == gap.tolist()
@@ -160,15 +165,17 @@ def test_modes_and_states_last_from_the_first_attitude_to_the_last(tmp_path):
     ("streams", "numbers"),
     [
         # a count that starts again does not count
-        ({"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
-         [(4, 10.0)]),
+        (
+            {"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
+            [(4, 10.0)],
+        ),
         ({"clip_y": ([5, 15], [3, 3])}, []),
         ({"vibe_y": ([5, 15, 25], [3, 30, 9])}, [(30,)]),
         ({"vibe_x": ([5, 15], [3, 8]), "vibe_z": ([5, 15], [30.1, 1])}, [(30.1, 30)]),
         ({"fix": ([5, 15, 25, 35], [3, 2, 3, 1])}, [(25.0, 10.0)]),
         ({"fix": ([5, 15], [3, 4])}, []),
     ],
-)  # fmt: skip
+)
 def test_what_sensors_did_wrong_is_said_with_its_first_time(tmp_path, streams, numbers):
     said = events(tmp_path, **streams)["sensors"]
 

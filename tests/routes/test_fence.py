@@ -67,7 +67,10 @@ def planner(path, *areas):
     """A file of Mission Planner: commands of MAVLink with their first parameter and corners."""
     rows = [(code, first, at) for code, first, places in areas for at in degrees(*places)]
     lines = ["QGC WPL 110", "0 1 0 16 0 0 0 0 47.0 8.0 430 1"]
-    lines += [f"{i} 0 3 {code} {first} 0 0 0 {lat:.9f} {lon:.9f} 0 1" for i, (code, first, (lat, lon)) in enumerate(rows, 1)]  # fmt: skip
+    lines += [
+        f"{i} 0 3 {code} {first} 0 0 0 {lat:.9f} {lon:.9f} 0 1"
+        for i, (code, first, (lat, lon)) in enumerate(rows, 1)
+    ]
     path.write_text("\n".join(lines))
     return path
 
@@ -97,15 +100,47 @@ NEAREST = [
     # rings, properties, end of the leg, margin, side, edge, along
     ([BOX], {}, 0.0, 30.0, "left", "edge 4", None),
     ([BOX, SQUARE], {}, 0.0, 25.0, "right", "edge 1 of zone 1", 300.0),
-    ([BOX, ((9, 60), (9, 80), (99, 70)), SQUARE], {}, 0.0, 25.0, "right", "edge 1 of zone 2", 300.0),
+    (
+        [BOX, ((9, 60), (9, 80), (99, 70)), SQUARE],
+        {},
+        0.0,
+        25.0,
+        "right",
+        "edge 1 of zone 2",
+        300.0,
+    ),
     ([BOX], {"max_up_m": 25.0}, 16.0, 9.0, "up", "ceiling", 800.0),
     ([BOX], {"min_up_m": -20.0}, -16.0, 4.0, "down", "floor", 800.0),
     ([BOX], {"max_up_m": 10.0}, 16.0, -6.0, "up", "ceiling", 800.0),
-    ([((-50, 0.05), (900, 0.05), (900, -90.0), (-50, -90.0))], {}, 0.0, 0.05, "right", "edge 1", None),
-    ([((-50, -0.05), (900, -0.05), (900, 90.0), (-50, 90.0))], {}, 0.0, 0.05, "left", "edge 1", None),
+    (
+        [((-50, 0.05), (900, 0.05), (900, -90.0), (-50, -90.0))],
+        {},
+        0.0,
+        0.05,
+        "right",
+        "edge 1",
+        None,
+    ),
+    (
+        [((-50, -0.05), (900, -0.05), (900, 90.0), (-50, 90.0))],
+        {},
+        0.0,
+        0.05,
+        "left",
+        "edge 1",
+        None,
+    ),
     # properties of other programs say nothing
-    ([BOX], {"fill": "#f00", "stroke-width": 2, "fid": 7, "OBJECTID": 8, "Name": "x", "title": "a"}, 0.0, 30.0, "left", "edge 4", None),
-]  # fmt: skip
+    (
+        [BOX],
+        {"fill": "#f00", "stroke-width": 2, "fid": 7, "OBJECTID": 8, "Name": "x", "title": "a"},
+        0.0,
+        30.0,
+        "left",
+        "edge 4",
+        None,
+    ),
+]
 
 
 @pytest.mark.parametrize(("rings", "properties", "up", "margin", "side", "edge", "along"), NEAREST)
@@ -124,9 +159,12 @@ def test_the_nearest_place_of_a_fence_has_its_margin_side_and_edge(
 
 AREAS = {
     "wide": [((-600, -300), (1200, -300), (1200, 1200), (-600, 1200))],
-    "zone": [((-600, -300), (1200, -300), (1200, 1200), (-600, 1200)), ((500, 150), (720, 250), (450, 350))],
+    "zone": [
+        ((-600, -300), (1200, -300), (1200, 1200), (-600, 1200)),
+        ((500, 150), (720, 250), (450, 350)),
+    ],
     "area": [((-400, -80), (500, -60), (500, 520), (-420, 200))],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", AREAS)
@@ -185,25 +223,40 @@ SQUARES = [(True, BOX), (False, SQUARE)]
 CIRCLES = [(True, (400.0, 0.0), 450.0), (False, (150.0, -80.0), 60.0)]
 FORMS = {
     "plan": lambda p: plan_with(p / "m.plan", SQUARES),
-    "waypoints": lambda p: planner(p / "f.waypoints", (5000, 0, [(0, 0)]), (5001, 4, BOX), (5002, 4, SQUARE)),
+    "waypoints": lambda p: planner(
+        p / "f.waypoints", (5000, 0, [(0, 0)]), (5001, 4, BOX), (5002, 4, SQUARE)
+    ),
     "geojson": lambda p: fence_file(p / "f.geojson", BOX, SQUARE),
     "kml": lambda p: kml(p / "f.kml", BOX, SQUARE),
     "two files": lambda p: (kml(p / "f.kml", BOX), plan_with(p / "m.plan", [(False, SQUARE)])),
-    "px4": lambda p: plan_with(p / "m.plan", [(True, BOX[:1] + BOX[1:2] + ((500.0, 40.0), (500.0, -30.0))),
-                               (True, ((400.0, -30.0), (400.0, 40.0), (900.0, 40.0), (900.0, -30.0))), (False, SQUARE)],
-                               firmwareType=12),
+    "px4": lambda p: plan_with(
+        p / "m.plan",
+        [
+            (True, BOX[:1] + BOX[1:2] + ((500.0, 40.0), (500.0, -30.0))),
+            (True, ((400.0, -30.0), (400.0, 40.0), (900.0, 40.0), (900.0, -30.0))),
+            (False, SQUARE),
+        ],
+        firmwareType=12,
+    ),
     "circles": lambda p: plan_with(p / "m.plan", circles=CIRCLES),
-    "circles of a planner": lambda p: planner(p / "f.txt", (5003, 450, [(400, 0)]), (5004, 60, [(150, -80)])),
-    "circles without a home": lambda p: without_home(planner(p / "f.txt", (5003, 450, [(400, 0)]), (5004, 60, [(150, -80)]))),
+    "circles of a planner": lambda p: planner(
+        p / "f.txt", (5003, 450, [(400, 0)]), (5004, 60, [(150, -80)])
+    ),
+    "circles without a home": lambda p: without_home(
+        planner(p / "f.txt", (5003, 450, [(400, 0)]), (5004, 60, [(150, -80)]))
+    ),
     "old": lambda p: old_plan(p / "old.plan"),
     "corners": lambda p: corners(p / "old.fen"),
-}  # fmt: skip
+}
 
 
 def kml(path, *rings):
     bounds = ["outerBoundaryIs", *["innerBoundaryIs"] * (len(rings) - 1)]
     texts = [" ".join(f"{lon},{lat},0" for lat, lon in degrees(*ring, ring[0])) for ring in rings]
-    rows = "".join(f"<{b}><LinearRing><coordinates>{x}</coordinates></LinearRing></{b}>" for b, x in zip(bounds, texts, strict=True))  # fmt: skip
+    rows = "".join(
+        f"<{b}><LinearRing><coordinates>{x}</coordinates></LinearRing></{b}>"
+        for b, x in zip(bounds, texts, strict=True)
+    )
     path.write_text(f"<kml><Placemark><Polygon>{rows}</Polygon></Placemark></kml>")
     return path
 
@@ -241,42 +294,77 @@ def test_the_same_fence_is_read_in_every_file_that_holds_one(tmp_path, form):
 AREA = ([(n + 3000.0, e) for n, e in BOX],)
 MANY = [(900.0 * math.cos(0.006 * k), 900.0 * math.sin(0.006 * k)) for k in range(1001)]
 REFUSED = [
-    (lambda p: fence_file(p, [BOX[0], BOX[2], BOX[1], BOX[3]]), "must not cross, got edge 1 and edge 3"),
-    (lambda p: fence_file(p, BOX, [(0, 20), (0, 60), (9, 60)]), "must not cross, got edge 2 and edge 1 of zone"),
+    (
+        lambda p: fence_file(p, [BOX[0], BOX[2], BOX[1], BOX[3]]),
+        "must not cross, got edge 1 and edge 3",
+    ),
+    (
+        lambda p: fence_file(p, BOX, [(0, 20), (0, 60), (9, 60)]),
+        "must not cross, got edge 2 and edge 1 of zone",
+    ),
     (lambda p: fence_file(p, BOX[:2]), "at least three corners, got 2"),
     (lambda p: fence_file(p, [*BOX, (4.5e6, 0.0)]), "latitudes up to 85"),
-    (lambda p: fence_file(p, [*BOX, (math.nan, 0.0)]), "every coordinate must be a number, got nan"),
+    (
+        lambda p: fence_file(p, [*BOX, (math.nan, 0.0)]),
+        "every coordinate must be a number, got nan",
+    ),
     (lambda p: fence_file(p, [(n + 90.0, e) for n, e in BOX]), "the start must be inside"),
-    (lambda p: fence_file(p, BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]), "the start must be inside"),
+    (
+        lambda p: fence_file(p, BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]),
+        "the start must be inside",
+    ),
     (lambda p: fence_file(p, BOX, min_up_m=50.0, max_up_m=-9.0), "got 50 and -9"),
     (lambda p: fence_file(p, BOX, min_up_m=5.0, max_up_m=50.0), "got 5 and 50"),
     (lambda p: fence_file(p, BOX, max_up_m=-5.0), "got -inf and -5"),
     (lambda p: fence_file(p, BOX, min_up_m=0.0, max_up_m=0.0), "got 0 and 0"),
-    (lambda p: fence_file(p, BOX, exclusion=True, max_up_m=50.0), "must be absent of an area to stay out"),
-    (lambda p: fence_file(p, BOX, exclusion="false"), "`exclusion` must be true or false, got 'false'"),
+    (
+        lambda p: fence_file(p, BOX, exclusion=True, max_up_m=50.0),
+        "must be absent of an area to stay out",
+    ),
+    (
+        lambda p: fence_file(p, BOX, exclusion="false"),
+        "`exclusion` must be true or false, got 'false'",
+    ),
     (lambda p: fence_file(p, BOX, max_up_m=math.nan), "`max_up_m` must be a number, got nan"),
     (lambda p: fence_file(p, BOX, max_up_m=50.0, maxAltitude=30.0), "got 'maxAltitude'"),
     (lambda p: fence_file(p, MANY), "at most 1000 edges"),
     (lambda p: plan_with(p, [(True, BOX), (True, *AREA)]), "inside of area 2"),
-    (lambda p: plan_with(p, [(True, BOX), (True, *AREA)], firmwareType=12), "areas .* must overlap"),
+    (
+        lambda p: plan_with(p, [(True, BOX), (True, *AREA)], firmwareType=12),
+        "areas .* must overlap",
+    ),
     (lambda p: plan_with(p, [(True, BOX), (False, BOX)]), "outside of exclusion 1"),
-    (lambda p: plan_with(p, circles=[(True, (400.0, 0.0), -5.0)]), "`radius` of a circle must be positive, got -5"),
+    (
+        lambda p: plan_with(p, circles=[(True, (400.0, 0.0), -5.0)]),
+        "`radius` of a circle must be positive, got -5",
+    ),
     (lambda p: plan_with(p), "must have a Polygon or circle for a fence, got none"),
     (lambda p: plan_with(p, [(True, [])]), "at least three corners, got 0"),
     (lambda p: plan_with(p, [("false", BOX)]), "`inclusion` must be true or false, got 'false'"),
     (lambda p: plan_with(p, circles=[(False, (0, 0), 9.0)] * 334), "at most 1000 edges"),
-    (lambda p: plan_with(p, geo=0) and p.write_text('{"mission": {}, "geoFence": {"polygons": ""}}') and p, "must be a list"),
+    (
+        lambda p: (
+            plan_with(p, geo=0)
+            and p.write_text('{"mission": {}, "geoFence": {"polygons": ""}}')
+            and p
+        ),
+        "must be a list",
+    ),
     (lambda p: p.write_text('{"mission": {}, "geoFence": false}') and p, "must be an object"),
     (lambda p: planner(p.with_suffix(".waypoints"), (5001, 5, BOX)), "its 5 corners, got 4"),
     (lambda p: p.with_suffix(".xml"), r"must be a plan, .*\.xml"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("make", "says"), REFUSED)
 def test_what_is_no_fence_is_refused_in_one_line_that_names_its_file(tmp_path, make, says):
     import re
 
-    file = make(tmp_path / "f.plan" if "plan_with" in make.__code__.co_names or "write_text" in make.__code__.co_names else tmp_path / "f.geojson")  # fmt: skip
+    file = make(
+        tmp_path / "f.plan"
+        if "plan_with" in make.__code__.co_names or "write_text" in make.__code__.co_names
+        else tmp_path / "f.geojson"
+    )
     set_to = words([(n, e, 0.0) for n, e in LEG], ORIGIN, {})
     said = flighttune("mission", "circuit", "--plan", "--fence", file, *set_to, status=2)[1]
 
@@ -286,9 +374,11 @@ def test_what_is_no_fence_is_refused_in_one_line_that_names_its_file(tmp_path, m
 
 
 KEYS = {
-    "route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 150.0)], "route.lat_deg": 47.0,
-    "route.lon_deg": 8.0, "flight.duration_s": 12.0,
-}  # fmt: skip
+    "route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 150.0)],
+    "route.lat_deg": 47.0,
+    "route.lon_deg": 8.0,
+    "flight.duration_s": 12.0,
+}
 
 
 @pytest.fixture(scope="module")

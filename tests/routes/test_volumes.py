@@ -120,7 +120,7 @@ def test_sizes_of_a_volume_are_rounded_outwards_to_decimetres():
 def test_the_area_around_a_path_holds_every_place_within_its_width(turns):
     """The places lie outside of circles of 60 m, and around both ends of the path or of a leg."""
     ability = ABILITY | {"V_a": 15.0, "wind": 0.0, "phi": 0.7, "phi_rate": 1.0}
-    circles = Waypoint(north=300.0, east=0.0, turns=turns, radius=60.0)
+    circles = Waypoint(north=300.0, east=0.0, turns=turns, radius=60.0 if turns else None)
     path = plan([Waypoint(north=0.0, east=0.0), circles], ability)
     width, around = 40.0 if turns == 0.0 else 4.0, np.linspace(0.0, 2.0 * np.pi, 2000)
     s = np.linspace(0.0, path.length, 3000)
