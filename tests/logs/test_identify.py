@@ -165,8 +165,6 @@ STEPS = 0.1 * np.sign(np.sin(2.0 * T))
         # a gap ends a section, and so does slow flight
         ({"phi": np.where((T < 8.1) | ((T > 20.0) & (T < 28.2)), 0.0, np.nan)}, 2),
         ({"V_a": np.where(T < 18.1, 20.0, np.where(T < 60.0, 9.9, 20.0))}, None),
-        # commands that rest show nothing
-        ({"phi_cmd": 0.8 * 0.0436 * np.sign(np.sin(2.0 * T))}, 0),
     ],
 )
 def test_too_few_stretches_of_excitation_are_counted(tmp_path, made, stretches):
