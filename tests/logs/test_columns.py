@@ -9,17 +9,13 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_columns import ERRORS, RIGHT, STEP, G, axes_of, outer_loop, sampled
+from log_columns import RIGHT, STEP, G, axes_of, outer_loop, sampled
 from log_files import heavy_cessna
 from scipy import constants as si
 
 import flighttune as ft
 
-FLIGHTS = {
-    "still air": RIGHT["turns and climbs"],
-    "wind": RIGHT["wind of 0.4 of the airspeed"],
-    "Cessna": lambda: of_run(heavy_cessna(150.0)),
-}
+FLIGHTS = {"still air": RIGHT["turns and climbs"], "Cessna": lambda: of_run(heavy_cessna(150.0))}
 WIND = np.array([7.0, -6.5, 0.0])
 
 
@@ -44,18 +40,6 @@ def log_of(tmp_path_factory):
         return ft.load_log(path).provenance.log
 
     return said
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize("rate", [10, 25, 50])
-@pytest.mark.parametrize("name", ERRORS)
-@pytest.mark.parametrize("flight", FLIGHTS)
-def test_every_error_is_said_of_every_flight_at_every_rate(log_of, flight, name, rate):
-    if flight == "Cessna" and name in ("V_err sign", "V_err is another", "phi and psi"):
-        return  # it has no error of speed, and its heading read as roll lies where degrees do
-    change, says = ERRORS[name]
-    log = log_of(FLIGHTS[flight], rate, change)
-    assert any(re.search(says, line) for line in log["checks"]), log["checks"]
 
 
 @pytest.mark.counts

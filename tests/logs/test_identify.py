@@ -191,7 +191,7 @@ def test_the_residual_rates_of_a_log_are_the_largest_of_all_its_stretches(tmp_pa
 
 
 def test_limits_are_the_range_of_commands_and_the_fastest_response_else_assumed(tmp_path):
-    """Half a hundredth of the commands is left out at either end; heights and speeds are medians."""
+    """Half a hundredth of the commands is left out at either end; heights are medians."""
     command = np.radians(np.linspace(-20.0, 30.0, 600))
     made = {"t": T, "phi": 0.5 * command, "phi_cmd": command, "V_a": 21.0, "h": 123.44, "n_z": 1.0}
     path = log_of(tmp_path, made)

@@ -339,10 +339,10 @@ def test_a_copter_s_log_a_wrong_version_and_no_file_are_refused(flown, tmp_path)
 
 STATED = {
     "NAVL1_DAMPING,0.75\r\nNAVL1_PERIOD,17\r\nTECS_TIME_CONST,5\r\nROLL_LIMIT_DEG,45\r\n": ".param",
-    "#NOTE: plane\n\nNAVL1_PERIOD      17.000000   # as flown\nTECS_HDEM_TCONST 3\nMIX_X 1\n": ".param",
+    "#NOTE: plane\n\nNAVL1_PERIOD    17.000000   # flown\nTECS_HDEM_TCONST 3\n": ".param",
     "NAVL1_PERIOD 17\nROLL_LIMIT_DEG 45 @READONLY\nNAVL1_DAMPING 0.75": ".parm",
     HEAD.format(vehicle="Fixed Wing", version="1.15.4 ")
-    + "1\t1\tNPFG_PERIOD\t10.0\t9\n1\t42\tNPFG_PERIOD\t10.0\t9\n1\t1\tNPFG_PERIOD_SF\t1.5\t9\n": ".params",
+    + "1\t1\tNPFG_PERIOD\t10.0\t9\n1\t42\tNPFG_PERIOD\t10.0\t9\n": ".params",
 }
 AIM = TURN + "[[expect]]\nat_most.chi.peak_deg = 400.0\n"
 

@@ -1,4 +1,4 @@
-"""What is flown of plans, waypoint files, KML and GeoJSON, and what is refused by number and name."""
+"""What is flown of plans, waypoint files, KML and GeoJSON, and what is refused by its number."""
 
 import json
 import math
@@ -286,7 +286,7 @@ READ = [
     (
         [*PATROL, LANDING | STOPS],
         [{"V_mps": 20.0}, *DOWN],
-        "(?s)IMAGE_STOP_CAPTURE 2001.*item 8 .VIDEO_STOP_CAPTURE 2501.*20 m/s by item 9.*Item 11|Item 11",
+        "(?s)IMAGE_STOP_CAPTURE 2001.*item 8 .VIDEO_STOP_CAPTURE 2501.*Item 11",
     ),
     (
         [*PATROL, RETURN, waypoint(47.5, 8.5, 60)],
