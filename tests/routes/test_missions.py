@@ -497,6 +497,18 @@ def test_a_home_of_zeros_far_from_the_route_is_no_place(read):
         read(PATROL[2], PATROL[1], home=(0, 0, 0))
 
 
+@pytest.mark.parametrize("home", [(0, 0, 480), (None, None, 480)])
+def test_a_home_of_zeros_or_nothing_is_a_place_near_zeros_alone(read, home):
+    near = waypoint(0.01, 0.01, 60), waypoint(0.02, 0.01, 60), RETURN
+    far = waypoint(3.0, 2.5, 60), waypoint(3.01, 2.5, 60), RETURN
+
+    assert [(x["lat_deg"], x["lon_deg"]) for x in read(*near, home=home).rows][-1] == (0.0, 0.0)
+    lost = read(*far, home=home)
+    assert lost.values("lat_deg") == [3.0, 3.01]
+    assert lost.flight.h_m == 540.0
+    assert any("count from 480 m above sea level" in note for note in lost.notes)
+
+
 def test_rally_points_have_heights_above_the_first_waypoint(read, read_text):
     points = [[47.401, 8.51, 70]]
     for found in (
