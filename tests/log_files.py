@@ -1,35 +1,34 @@
-"""Small logs of the kinds that aircraft write, made of the signals of a run."""
+"""Logs of the kinds that aircraft write: of any messages, and of the signals of a run."""
 
-import csv
 import struct
 
 import numpy as np
+import pandas as pd
 
 import flighttune as ft
 
 G = 9.80665
-
-# Lags of the plant whose flight is written.
-ROLL = ft.loop.InnerLag(order=2, natural_frequency=5.0, damping=0.8, delay=0.08)
-LOAD = ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.06)
+MAGIC = b"ULog\x01\x12\x35\x01"
 
 
 def heavy_cessna(duration):
     """Turns and climbs in wind of a Cessna of 1.2 times its mass, for a `duration` in s."""
+
+    def steps(first, every, last, change):
+        count = int((duration - last) / every)
+        return [
+            {"shape": "step", "start_s": first + every * k, "change_deg": change(k)}
+            for k in range(count)
+        ]
+
     turns = [90.0, -40.0, 70.0, -30.0, 60.0, -50.0]
     scenario = {
         "title": "Turns and climbs of a heavy Cessna",
         "gains": [{"name": "mine", "K_P": [[1.0, 0], [0, 2.0]], "K_I": [[0.05, 0], [0, 0.2]]}],
         "flight": {"V_a_mps": 50.0, "h_m": 800.0, "duration_s": duration},
         "reference": {
-            "chi_deg": [
-                {"shape": "step", "start_s": 2.0 + 6.5 * k, "change_deg": turns[k % 6]}
-                for k in range(int((duration - 9.0) / 6.5))
-            ],
-            "gamma_deg": [
-                {"shape": "step", "start_s": 4.0 + 5.0 * k, "change_deg": (-1.0) ** k * (3 + k % 3)}
-                for k in range(int((duration - 10.0) / 5.0))
-            ],
+            "chi_deg": steps(2.0, 6.5, 9.0, lambda k: turns[k % 6]),
+            "gamma_deg": steps(4.0, 5.0, 10.0, lambda k: (-1.0) ** k * (3 + k % 3)),
         },
         "limits": {"phi_deg": [-40, 40], "n_z": [0.4, 1.8]},
         "controller": {"rate_hz": 50.0, "feed_forward": True},
@@ -59,162 +58,182 @@ def sampled(run, rate=25.0, *, seed=0, noise=True, dropouts=True, late=True):
     return t[kept], {name: values[kept] for name, values in signals.items()}
 
 
+def message(kind, body):
+    """A message of a ULog."""
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def ulog(path, topics, parameters=(), version=None):
+    """A ULog: times (s) and fields of each topic, a field of several values of shape (n, k)."""
+    out = [MAGIC + struct.pack("<Q", 0), message("B", bytes(40))]
+    if version is not None:
+        key = b"uint32_t ver_sw_release"
+        number = struct.pack(">I", int.from_bytes(bytes(version), "big"))[::-1]
+        out.append(message("I", bytes([len(key)]) + key + number))
+    for name, value in dict(parameters).items():
+        key = f"float {name}".encode()
+        out.append(message("P", bytes([len(key)]) + key + struct.pack("<f", value)))
+    fields = {
+        name: {key: np.reshape(x, (len(t), -1)) for key, x in values.items()}
+        for name, (t, values) in topics.items()
+    }
+    for name, of in fields.items():
+        sizes = "".join(
+            f"float{f'[{x.shape[1]}]' if x.shape[1] > 1 else ''} {key};" for key, x in of.items()
+        )
+        out.append(message("F", f"{name}:uint64_t timestamp;{sizes}".encode()))
+    out += [message("A", struct.pack("<BH", 0, i) + x.encode()) for i, x in enumerate(topics)]
+    rows = []
+    for number, (name, (t, _)) in enumerate(topics.items()):
+        numbers = np.hstack([*fields[name].values()]).astype("<f4")
+        head = struct.pack("<HBH", 10 + 4 * numbers.shape[1], ord("D"), number)
+        stamps = np.round(1e6 * np.asarray(t)).astype("<u8") + 10**6
+        rows += _rows(stamps, head, numbers)
+    path.write_bytes(b"".join([*out, *_in_order(rows)]))
+    return path
+
+
+def _rows(stamps, head, numbers):
+    return [
+        (int(stamp), head + stamp.tobytes() + row.tobytes())
+        for stamp, row in zip(stamps, numbers, strict=True)
+    ]
+
+
+def _in_order(rows):
+    return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
+
+
+def _format(number, length, name, layout, columns):
+    words = (x.encode() for x in (name, layout, columns))
+    return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, *words)
+
+
+def dataflash(path, messages, parameters=(), vehicle="ArduPlane V4.5", *, old=False):
+    """A DataFlash log: times (s) and columns of each message; `old` ones have a clock in ms."""
+    clock, per_s, code = ("TimeMS", 1e3, "I") if old else ("TimeUS", 1e6, "Q")
+    out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
+    out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
+    out.append(_format(130, 31, "PARM", "QNf", "TimeUS,Name,Value"))
+    rows = []
+    for number, (name, (t, columns)) in enumerate(messages.items(), 131):
+        size = 3 + struct.calcsize(f"<{code}") + 8 * len(columns)
+        labels = f"{clock},{','.join(columns)}"
+        out.append(_format(number, size, name, code + "d" * len(columns), labels))
+        stamps = np.round(per_s * (np.asarray(t) + 1.0)).astype(f"<u{struct.calcsize(code)}")
+        values = np.column_stack([*columns.values()]).astype("<f8")
+        rows += _rows(stamps, b"\xa3\x95" + bytes([number]), values)
+    out.append(b"\xa3\x95" + struct.pack("<BQ64s", 129, 10**6, vehicle.encode()))
+    for name, value in dict(parameters).items():
+        out.append(b"\xa3\x95" + struct.pack("<BQ16sf", 130, 10**6, name.encode(), value))
+    path.write_bytes(b"".join([*out, *_in_order(rows)]))
+    return path
+
+
+def tlog(path, messages, kind=1, parameters=()):
+    """A telemetry log of MAVLink, in which fields are whole numbers where it says so.
+
+    `parameters`: name, value and type of each, of component 1 or of the one that is last.
+    """
+    from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    classes = {x.msgname: x for x in mavlink.mavlink_map.values()}
+    rows = [(0, mavlink.MAVLink_heartbeat_message(kind, 3, 0, 0, 4, 3).pack(sender))]
+    for name, (t, fields) in messages.items():
+        of = classes[name]
+        types = dict(zip(of.fieldnames, of.fieldtypes, strict=True))
+        for k, stamp in enumerate(np.asarray(t)):
+            values = {"time_boot_ms": round(1e3 * stamp) + 1000, "autopilot": 3, "type": kind}
+            values |= {key: float(x[k]) for key, x in fields.items()}
+            row = [
+                values.get(key, 0) if types[key] == "float" else round(values.get(key, 0))
+                for key in of.fieldnames
+            ]
+            rows.append((1000 * round(1e3 * stamp) + 10**6, of(*row).pack(sender)))
+    for name, value, of_type, component in parameters:
+        said = mavlink.MAVLink_param_value_message(name.encode(), value, of_type, 9, 0)
+        rows.append((1, said.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=component))))
+    rows.sort(key=lambda pair: pair[0])
+    path.write_bytes(b"".join(struct.pack(">Q", 16 * 10**14 + t) + x for t, x in rows))
+    return path
+
+
 def fields(signals):
-    """Ground velocity and position of signals."""
+    """Velocity over ground and position of signals."""
     chi, gamma = signals["chi"], signals["gamma"]
     level = signals.get("V_g", signals["V_a"] * np.cos(gamma))
-    return {
-        "vx": level * np.cos(chi),
-        "vy": level * np.sin(chi),
-        "vz": -level * np.tan(gamma),
-        "x": signals["north"],
-        "y": signals["east"],
-        "z": signals["down"],
-    }
+    velocity = {"vx": level * np.cos(chi), "vy": level * np.sin(chi), "vz": -level * np.tan(gamma)}
+    return velocity | {"x": signals["north"], "y": signals["east"], "z": signals["down"]}
 
 
 def quaternion(phi, theta, psi):
     """From body axes to north-east-down, shape (n, 4): w, x, y, z."""
-    c, s = zip(*((np.cos(0.5 * a), np.sin(0.5 * a)) for a in (phi, theta, psi)), strict=True)
-    return np.column_stack(
-        [
-            c[0] * c[1] * c[2] + s[0] * s[1] * s[2],
-            s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
-            c[0] * s[1] * c[2] + s[0] * c[1] * s[2],
-            c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
-        ]
-    )
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_euler("ZYX", np.column_stack([psi, theta, phi])).as_quat().T
+    return np.column_stack([w, x, y, z])
 
 
 def write_ulog(path, t, signals, *, vehicle=2):
-    """A ULog with the topics of PX4 and `flighttune.n_z_cmd`; version 1 of the format."""
+    """A ULog with the topics of PX4 and `flighttune.n_z_cmd`."""
     zero = 0.0 * t
     q = quaternion(signals["phi"], signals["gamma"], signals["chi"])
     q_cmd = quaternion(signals["phi_cmd"], zero, signals["chi"])
-    ned = fields(signals)
+    acceleration = np.column_stack([zero, zero, -G * signals["n_z"]])
     topics = {
-        "vehicle_attitude": ("float[4] q;", q),
-        "vehicle_attitude_setpoint": ("float[4] q_d;", q_cmd),
-        "vehicle_local_position": (
-            "".join(f"float {name};" for name in ned),
-            np.column_stack([*ned.values()]),
-        ),
-        "airspeed_validated": ("float true_airspeed_m_s;", signals["V_a"][:, None]),
-        "vehicle_acceleration": (
-            "float[3] xyz;",
-            np.column_stack([zero, zero, -G * signals["n_z"]]),
-        ),
-        "flighttune": ("float n_z_cmd;", signals["n_z_cmd"][:, None]),
-        "vehicle_status": ("float vehicle_type;", zero[:, None] + vehicle),
+        "vehicle_attitude": {"q": q},
+        "vehicle_attitude_setpoint": {"q_d": q_cmd},
+        "vehicle_local_position": fields(signals),
+        "airspeed_validated": {"true_airspeed_m_s": signals["V_a"]},
+        "vehicle_acceleration": {"xyz": acceleration},
+        "flighttune": {"n_z_cmd": signals["n_z_cmd"]},
+        "vehicle_status": {"vehicle_type": zero + vehicle},
     }
-    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message("B", bytes(40))]
-    for name, (layout, _) in topics.items():
-        out.append(message("F", f"{name}:uint64_t timestamp;{layout}".encode()))
-    for number, name in enumerate(topics):
-        out.append(message("A", struct.pack("<BH", 0, number) + name.encode()))
-    stamps, rows = np.round(1e6 * t).astype("<u8") + 10**6, []
-    for number, (_, values) in enumerate(topics.values()):
-        numbers = np.ascontiguousarray(values, dtype="<f4")
-        length = 2 + 8 + 4 * numbers.shape[1]
-        head = np.frombuffer(struct.pack("<HBH", length, ord("D"), number), "u1")
-        rows += [np.tile(head, (len(t), 1)), stamps[:, None].view("u1"), numbers.view("u1")]
-    path.write_bytes(b"".join(out) + np.hstack(rows).tobytes())
-    return path
+    return ulog(path, {name: (t, values) for name, values in topics.items()})
 
 
-def message(kind, body):
-    return struct.pack("<HB", len(body), ord(kind)) + body
-
-
-def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False, events=()):
-    """A DataFlash log with the messages of ArduPlane, and FTUN; `old` ones have a clock in ms.
-
-    `events`: further messages by name, with their columns and values.
-    """
-    clock, per_s, code = ("TimeMS", 1e3, "I") if old else ("TimeUS", 1e6, "Q")
-    ned = fields(signals)
-    deg = np.degrees
-    angles = [deg(signals[name]) for name in ("phi_cmd", "phi", "gamma")]
+def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", parameters=()):
+    """A DataFlash log with the messages of ArduPlane, and FTUN."""
+    ned, deg = fields(signals), np.degrees
+    angles = {"DesRoll": deg(signals["phi_cmd"]), "Roll": deg(signals["phi"])}
+    angles |= {"Pitch": deg(signals["gamma"]), "Yaw": deg(signals["chi"]) % 360.0}
+    path_of = dict(zip(("VN", "VE", "VD", "PN", "PE", "PD"), ned.values(), strict=True))
     messages = {
-        "ATT": ("DesRoll,Roll,Pitch,Yaw", [*angles, deg(signals["chi"]) % 360.0]),
-        "XKF1": ("PN,PE,PD,VN,VE,VD", [ned[name] for name in ("x", "y", "z", "vx", "vy", "vz")]),
-        "IMU": ("AccZ", [-G * signals["n_z"]]),
-        "ARSP": ("Airspeed", [signals["V_a"]]),
-        "FTUN": ("NzCmd", [signals["n_z_cmd"]]),
+        "ATT": angles,
+        "XKF1": path_of,
+        "IMU": {"AccZ": -G * signals["n_z"]},
+        "ARSP": {"Airspeed": signals["V_a"]},
+        "FTUN": {"NzCmd": signals["n_z_cmd"]},
     }
     if "cross_track" in signals:  # ArduPilot counts it from the aircraft to the track
-        messages["NTUN"] = "AltE,XT", [signals["height_err"], -signals["cross_track"]]
-    messages |= dict(events)
-    out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
-    out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
-    for number, (name, (columns, values)) in enumerate(messages.items(), 130):
-        layout, size = code + "f" * len(values), struct.calcsize(f"<{code}")
-        length = 3 + size + 4 * len(values)
-        out.append(_format(number, length, name, layout, f"{clock},{columns}"))
-    out.append(b"\xa3\x95" + struct.pack("<BQ64s", 129, 10**6, vehicle.encode()))
-    stamps = np.round(per_s * (t + 1.0)).astype(f"<u{struct.calcsize(code)}")
-    rows = []  # of each message, as bytes, shape (len(t), its length)
-    for number, (_, values) in enumerate(messages.values(), 130):
-        head = np.tile(np.frombuffer(struct.pack("<2sB", b"\xa3\x95", number), "u1"), (len(t), 1))
-        numbers = np.column_stack(values).astype("<f4")
-        rows += [head, stamps[:, None].view("u1"), numbers.view("u1")]
-    path.write_bytes(b"".join(out) + np.hstack(rows).tobytes())
-    return path
+        messages["NTUN"] = {"AltE": signals["height_err"], "XT": -signals["cross_track"]}
+    messages = {name: (t, columns) for name, columns in messages.items()}
+    return dataflash(path, messages, parameters, vehicle)
 
 
 def straight_log(path, parameters, **ends):
     """A log of half a minute straight on with parameters, and signals from 0 to these ends."""
     t = np.linspace(0.0, 30.0, 601)
-    still = dict.fromkeys(("phi", "gamma", "chi", "phi_cmd", "east", "down"), 0.0 * t)
-    level = {
-        "V_a": 25.0 + 0.0 * t,
-        "north": 25.0 * t,
-        "n_z": 1.0 + 0.0 * t,
-        "n_z_cmd": 1.0 + 0.0 * t,
-    }
-    write_dataflash(path, t, still | level | {name: x * t / t[-1] for name, x in ends.items()})
-    with path.open("ab") as log:
-        log.write(
-            b"\xa3\x95"
-            + struct.pack("<BBB4s16s64s", 128, 200, 31, b"PARM", b"QNf", b"TimeUS,Name,Value")
-        )
-        for name, value in parameters.items():
-            log.write(b"\xa3\x95" + struct.pack("<BQ16sf", 200, 10**6, name.encode(), value))
-    return str(path)
-
-
-def _format(number, length, name, layout, columns):
-    body = struct.pack(
-        "<BB4s16s64s", number, length, name.encode(), layout.encode(), columns.encode()
-    )
-    return b"\xa3\x95\x80" + body
+    signals = dict.fromkeys(("phi", "gamma", "chi", "phi_cmd", "east", "down"), 0.0 * t)
+    signals |= dict.fromkeys(("n_z", "n_z_cmd"), 1.0 + 0.0 * t)
+    signals |= {"V_a": 25.0 + 0.0 * t, "north": 25.0 * t}
+    signals |= {name: x * t / t[-1] for name, x in ends.items()}
+    return str(write_dataflash(path, t, signals, parameters=parameters))
 
 
 def write_tlog(path, t, signals, *, kind=1):
-    """A telemetry log, written by pymavlink; it has no load-factor command."""
-    from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
-    sender, ned, out = mavlink.MAVLink(None, srcSystem=1, srcComponent=1), fields(signals), []
-    for k, stamp in enumerate(t):
-        ms = round(1e3 * stamp) + 1000
-        row = {name: float(values[k]) for name, values in signals.items()}
-        place, velocity = ([float(ned[v + x][k]) for x in "xyz"] for v in ("", "v"))
-        messages = [
-            mavlink.MAVLink_attitude_message(
-                ms, row["phi"], row["gamma"], row["chi"], 0.0, 0.0, 0.0
-            ),
-            mavlink.MAVLink_nav_controller_output_message(
-                np.degrees(row["phi_cmd"]), 0.0, 0, 0, 0, 0.0, 0.0, 0.0
-            ),
-            mavlink.MAVLink_local_position_ned_message(ms, *place, *velocity),
-            mavlink.MAVLink_vfr_hud_message(row["V_a"], row["V_a"], 0, 0, 0.0, 0.0),
-        ]
-        if k % 25 == 0:
-            messages.insert(0, mavlink.MAVLink_heartbeat_message(kind, 3, 0, 0, 4, 3))
-        for message in messages:
-            out.append(struct.pack(">Q", 1_600_000_000_000_000 + 1000 * ms) + message.pack(sender))
-    path.write_bytes(b"".join(out))
-    return path
+    """A telemetry log; it has no load-factor command."""
+    angles = dict(zip(("roll", "pitch", "yaw"), ("phi", "gamma", "chi"), strict=True))
+    speed = signals["V_a"]
+    messages = {
+        "HEARTBEAT": (t[::25], {}),
+        "ATTITUDE": (t, {key: signals[name] for key, name in angles.items()}),
+        "NAV_CONTROLLER_OUTPUT": (t, {"nav_roll": np.degrees(signals["phi_cmd"])}),
+        "LOCAL_POSITION_NED": (t, fields(signals)),
+        "VFR_HUD": (t, {"airspeed": speed, "groundspeed": speed}),
+    }
+    return tlog(path, messages, kind)
 
 
 def write_csv(path, t, signals):
@@ -223,28 +242,11 @@ def write_csv(path, t, signals):
     table = {
         "t_s": t,
         **{f"{name}_deg": np.degrees(signals[name]) for name in ("phi", "phi_cmd")},
-        **{f"{name}": signals[name] for name in ("n_z", "n_z_cmd")},
+        **{name: signals[name] for name in ("n_z", "n_z_cmd")},
         "V_a_mps": signals["V_a"],
         **{name: signals[name] for name in ("h", "theta") if name in signals},
         **{f"v_{axis}": ned[name] for axis, name in (("north", "vx"), ("east", "vy"))},
         "v_down_mps": ned["vz"],
     }
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(table)
-        writer.writerows(np.column_stack([*table.values()]).tolist())
+    pd.DataFrame(table).to_csv(path, index=False)
     return path
-
-
-WRITERS = {
-    "flight.ulg": write_ulog,
-    "flight.bin": write_dataflash,
-    "flight.tlog": write_tlog,
-    "flight.csv": write_csv,
-}
-COMMAND = {
-    "flight.ulg": ["n_z_cmd=flighttune.n_z_cmd"],
-    "flight.bin": ["n_z_cmd=FTUN.NzCmd"],
-    "flight.csv": [],
-}
-"""Columns of the load-factor command, where the log has one."""

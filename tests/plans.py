@@ -1,8 +1,12 @@
-"""Plans of QGroundControl for tests."""
+"""Plans of QGroundControl, terrains, and routes through points, to be planned."""
 
 import json
+import math
+from typing import NamedTuple
 
 import numpy as np
+
+import flighttune as ft
 
 HOME = (47.4, 8.5, 480.0)
 
@@ -51,3 +55,60 @@ def terrain(path, *, lost=None, units=None, **profile):
         file.write(heights, 1)
         file.units = (units,) * file.count
     return path
+
+
+class Waypoint(NamedTuple):
+    """A point of a route in m and rad, from its start."""
+
+    north: float
+    east: float
+    up: float = 0.0
+    turns: float = 0.0
+    radius: float | None = None
+    climb: float | None = None
+    hold: float = 0.0
+    spiral: bool = False
+    name: str = ""
+    V: float | None = None
+
+    @property
+    def keys(self):
+        """It as a table of [[route.waypoint]]."""
+        stated = {"north_m": self.north, "east_m": self.east, "up_m": self.up, "turns": self.turns}
+        stated |= {"radius_m": self.radius, "hold_s": self.hold, "spiral": self.spiral}
+        climb = None if self.climb is None else math.degrees(self.climb)
+        stated |= {"climb_deg": climb, "name": self.name, "V_mps": self.V}
+        return {key: x for key, x in stated.items() if x is not None and x is not False and x != ""}
+
+
+ABILITY = {
+    "V_a": 25.0, "wind": 8.0, "phi": math.radians(36.0), "phi_rate": math.radians(24.0),
+    "gamma": (math.radians(-10.0), math.radians(10.0)), "turnaround": 0.0, "duration": 10_000.0,
+}  # fmt: skip
+AROUND = ABILITY | {"turnaround": 1e5}
+
+
+def route_of(points, able=ABILITY, **route):
+    """The planned route of a law through points, for speed and limits in m/s and rad."""
+    tables = ft.load_scenario("circuit").as_dict()
+    for key in ("expect", "verifies", "source"):
+        del tables[key]
+    tables["plant"] = [{"kind": "kinematic"}]
+    tables["flight"] |= {"V_a_mps": able["V_a"], "duration_s": able["duration"]}
+    roll, rate = (math.degrees(able[key]) / 0.8 for key in ("phi", "phi_rate"))
+    tables["limits"] |= {"phi_deg": [-roll, roll], "phi_rate_dps": rate}
+    tables["route"] = {
+        "waypoint": [point.keys for point in points],
+        "wind_mps": able["wind"],
+        "gamma_deg": [math.degrees(x) for x in able["gamma"]],
+        "turnaround_m": able["turnaround"],
+        "widen": able.get("widen", False),
+    } | route
+    if route.get("holds_airspeed"):
+        tables["limits"] |= {"n_x": [-0.3, 0.3], "n_x_rate_per_s": 1.0}
+    return ft.route(ft.scenario_from(tables))
+
+
+def plan(points, able=ABILITY, **route):
+    """The path of such a route."""
+    return route_of(points, able, **route).reference.path

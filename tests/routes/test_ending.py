@@ -7,11 +7,11 @@ import pytest
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes.ending_keys import CIRCLES
-from flighttune.routes.path import STEP
 
 # The table of a path has a point each metre, and its end lies between two points.
-ONE_POINT = STEP
+ONE_POINT = STEP = 1.0
+
+CIRCLES = 2.0
 
 # Rounding of angles and distances that are integrated over some km in steps of 1/8 m.
 INTEGRATED = 1e-3

@@ -12,17 +12,9 @@ from places import SHIPPED_AIRCRAFT
 from scipy.integrate import quad
 
 import flighttune as ft
-from flighttune.campaigns.flying.rows import batchable
-from flighttune.control.wind import WIND_ESTIMATE_S
-from flighttune.flight.entry import entry_of
-from flighttune.routes.follow import Planner
-from flighttune.routes.segments import Segment
 
 DEG = math.pi / 180.0
 G = 9.81
-
-PLAIN = Segment(3.0, (0.0, 4.0), rates=(0.1,))
-ROLLED = Segment(3.0, (0.0, 4.0), rates=(0.1,), roll_in=1.5)
 
 TURN = {"shape": "ramp", "start_s": 3.0, "duration_s": 6.0, "rate_dps": 8.0, "roll_in_s": 1.2}
 CLIMB = {"shape": "ramp", "start_s": 12.0, "duration_s": 4.0, "rate_dps": 2.0, "roll_in_s": 1.0}
@@ -48,25 +40,30 @@ def largest_errors(scenario):
     return run.signals[["chi_err", "gamma_err"]].abs().max().to_numpy() / DEG
 
 
-def measured(wind=None, chi=0.0, phi=0.0):
-    return ft.loop.Measured(chi, 0.0, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), wind)
+def reference(**ramp):
+    """A ramp by 4 times 0.1 rad from 3 s on, as the reference of a scenario."""
+    ramp = {"shape": "ramp", "start_s": 3.0, "duration_s": 4.0, "rate_dps": 0.1 / DEG} | ramp
+    tables = {"chi_deg": [ramp], "gamma_deg": 0.0}
+    return made_up_scenario(reference=tables, flight={"duration_s": 60.0}).stated_reference
 
 
-def test_a_roll_in_is_the_mean_of_the_ramp_over_its_time():
+def test_a_roll_in_is_the_mean_of_the_ramp_over_its_time_and_its_rate_a_trapezium():
+    plain, rolled = reference(), reference(roll_in_s=1.5)
     t = np.linspace(0.0, 10.0, 41)
-    means = [quad(lambda s: float(PLAIN(np.array([s]))[0]), x - 0.75, x + 0.75)[0] / 1.5 for x in t]
 
-    assert ROLLED(t) == pytest.approx(means, abs=1e-8)  # of the quadrature
-    assert ROLLED(np.array([2.25]))[0] == 0.0
-    after = ROLLED(np.linspace(7.75, 50.0, 99))
+    def ramp(s):
+        return float(plain.sampled(np.array([s]))[0][0])
+
+    means = [quad(ramp, x - 0.75, x + 0.75, points=[3.0, 7.0])[0] / 1.5 for x in t]
+    assert rolled.sampled(t)[0] == pytest.approx(means, abs=1e-8)  # of the quadrature
+    after = rolled.sampled(np.linspace(7.75, 50.0, 99))[0]
     assert np.ptp(after) == 0.0  # it is at rest to the bit
-    assert after[0] == pytest.approx(0.4)
-
-
-def test_the_rate_rises_and_falls_in_a_straight_line():
-    t = np.array([2.0, 2.25, 3.0, 3.75, 5.0, 6.25, 7.0, 7.75])
-
-    assert ROLLED.slope(t) == pytest.approx([0, 0, 0.05, 0.1, 0.1, 0.1, 0.05, 0], abs=1e-15)
+    assert after[0] - rolled.initial[0] == pytest.approx(0.4)
+    at = np.array([2.0, 2.25, 3.0, 3.75, 5.0, 6.25, 7.0, 7.75])
+    assert rolled.rates(at)[0] == pytest.approx([0, 0, 0.05, 0.1, 0.1, 0.1, 0.05, 0], abs=1e-15)
+    assert plain.rates(np.array([2.9, 3.0, 6.9, 7.0]))[0] == pytest.approx([0, 0.1, 0.1, 0])
+    later = rolled.rates(at - 0.5, (0.5, 0.0))[0]
+    assert later == pytest.approx(rolled.rates(at)[0])
 
 
 def test_the_law_alone_flies_a_planned_turn_without_an_error():
@@ -83,34 +80,6 @@ def test_behind_a_lag_the_plan_goes_ahead_by_it():
 
     assert largest_errors(turn_and_climb(lag)) == pytest.approx([0.0, 0.0], abs=0.35)
     assert largest_errors(unplanned)[0] > 2.0
-
-
-@pytest.mark.parametrize("wind", [(0.0, 0.0, 0.0), (7.0, -3.0, 0.0)])
-def test_the_roll_planned_turns_the_path_over_ground_at_the_rate_asked_for(wind):
-    """Newton: lift acts across the path through the air, and turns that over ground."""
-    rate, chi, plan = 0.15, 0.7, Planner(0.02, G)
-    phi, _ = plan(measured(wind, chi=chi), rate, 0.0, 0.0)
-    _, n_z = plan(measured(wind, chi=chi, phi=phi), rate, 0.0, 0.0)
-
-    to = np.array([math.cos(chi), math.sin(chi)])
-    along = float(np.dot(wind[:2], to))
-    V_g = along + math.sqrt(25.0**2 - np.dot(wind[:2], wind[:2]) + along**2)
-    air = V_g * to - wind[:2]
-    right = np.array([-air[1], air[0]]) / 25.0
-    force = n_z * G * math.sin(phi) * right
-    across = np.array([-to[1], to[0]])
-    assert n_z * math.cos(phi) == pytest.approx(1.0, abs=1e-12)
-    assert float(np.dot(force, across)) / V_g == pytest.approx(rate, rel=1e-9)
-
-
-def test_the_wind_of_the_plan_is_an_estimate_that_comes_late():
-    plan = Planner(0.02, G)
-    plan(measured((0.0, 0.0, 0.0)), 0.1, 0.0, 0.0)
-    for _ in range(round(WIND_ESTIMATE_S / 0.02)):
-        phi, _ = plan(measured((8.0, 0.0, 0.0)), 0.1, 0.0, 0.0)
-    estimated = math.tan(phi) * G / 0.1 - 25.0  # from behind
-
-    assert estimated == pytest.approx(8.0 * (1.0 - math.exp(-1.0)), rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -164,14 +133,6 @@ def test_an_aircraft_whose_lag_is_not_known_flies_no_plan(tmp_path):
 
     with pytest.raises(ft.ScenarioError, match=r"mission.toml: .*identified.json: must be there"):
         ft.load_scenario(file)
-
-
-def test_the_compiled_kernel_leaves_planned_references_to_the_loop():
-    scenario = turn_and_climb()
-    entry = entry_of(scenario, "paper", ft.PAPER_GAINS)
-
-    assert not batchable(scenario, entry)
-    assert batchable(made_up_scenario(), entry)
 
 
 def test_a_law_of_ones_own_sees_the_reference_ahead():

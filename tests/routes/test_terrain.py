@@ -15,7 +15,6 @@ from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
 from scipy.ndimage import map_coordinates
 
 import flighttune as ft
-from flighttune.base.errors import InfeasibleError
 from flighttune.routes import maps
 from flighttune.routes.raster import ground_heights
 
@@ -63,7 +62,7 @@ def test_a_path_below_the_ground_is_a_no(tmp_path):
     said = answer(*words, status=1)
     assert said["summary"][0] == said["verdict"]
     assert said["verdict"].startswith("No: the planned path is 40.0 m below the ground")
-    with pytest.raises(InfeasibleError, match=r"40\.0 m below the ground"):
+    with pytest.raises(ft.FlightTuneError, match=r"40\.0 m below the ground"):
         ft.mission(low, terrain=words[-1])
 
 

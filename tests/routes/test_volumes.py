@@ -1,20 +1,19 @@
 """Volumes around a path as GeoJSON and KML: read by lxml, fastkml and shapely, and as a fence."""
 
 import json
-import math
 
 import fastkml
 import numpy as np
 import pytest
 import shapely
+from commands import answer
 from lxml import etree
-from plans import plan_file, waypoint
+from plans import ABILITY, Waypoint, plan, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes import volumes as volumes_of
-from flighttune.routes.fence import fence_tables, read_fence
-from flighttune.routes.path import Ability, Waypoint, plan
-from flighttune.routes.volumes import BUFFER, CONTINGENCY, GEOGRAPHY, Volume, VolumesMap
+from flighttune.routes.volumes import NAMES, Volume, VolumesMap, rings_around
+
+GEOGRAPHY, CONTINGENCY, BUFFER = NAMES
 
 SEEN = "{http://www.opengis.net/kml/2.2}"
 
@@ -35,12 +34,17 @@ VOLUMES = {
 
 
 @pytest.fixture(scope="module")
-def volumes(tmp_path_factory):
-    """The volumes around a mission over level ground."""
+def mission(tmp_path_factory):
+    """A mission over level ground."""
     places = [(47.4, 8.5), (47.406, 8.5), (47.403, 8.51), (47.4, 8.501)]
     items = [waypoint(*place, OVER_GROUND) for place in places]
-    file = plan_file(tmp_path_factory.mktemp("m") / "m.plan", *items, home=(47.4, 8.5, GROUND))
-    return VolumesMap(ft.route(file).where, GROUND, VOLUMES)
+    return plan_file(tmp_path_factory.mktemp("m") / "m.plan", *items, home=(47.4, 8.5, GROUND))
+
+
+@pytest.fixture(scope="module")
+def volumes(mission):
+    """The volumes around it."""
+    return VolumesMap(ft.route(mission).where, GROUND, VOLUMES)
 
 
 @pytest.fixture
@@ -95,39 +99,14 @@ def test_kml_has_the_areas_of_geojson_at_heights_above_sea_level(written):
     assert [len(x["geometry"]["coordinates"]) for x in features] == [1, 2, 1]
 
 
-@pytest.mark.parametrize(
-    ("ending", "low", "high", "margin"),
-    [(".geojson", -20.0, 20.0, 20.0), (".kml", -math.inf, math.inf, 60.0)],
-)
-def test_the_contingency_volume_is_a_fence_with_its_hole(
-    volumes, written, ending, low, high, margin
-):
+@pytest.mark.parametrize(("ending", "margin"), [(".geojson", 20.0), (".kml", 60.0)])
+def test_the_contingency_volume_is_a_fence_with_its_hole(mission, written, ending, margin):
     """Heights, above the start, are in GeoJSON alone."""
-    fence = read_fence(written[ending], volumes.where[1], fence_tables([written[ending]]))
-    nearest = fence.nearest(volumes.where[0])
+    said = answer("mission", mission, "--plan", "--fence", written[ending])
+    (nearest,) = said["fence"]["nearest"]
 
-    assert fence.outside == (False, True)
-    assert (fence.low, fence.high) == pytest.approx((low, high), abs=DECIMETRE)
     assert nearest["leaves_m"] is None
     assert nearest["margin_m"] == pytest.approx(margin, abs=OUTSIDE)
-
-
-def test_one_area_of_the_name_of_a_volume_is_a_fence_as_it_is(written, tmp_path):
-    """Only all three together are the volumes of a mission."""
-    tables = json.loads(written[".geojson"].read_text())
-    properties = {"name": GEOGRAPHY}
-    other = {**tables["features"][2], "properties": properties}
-    file = tmp_path / "own.geojson"
-    file.write_text(json.dumps({**tables, "features": [other]}))
-
-    assert fence_tables([file])["features"] == [other]
-
-
-def test_volumes_are_known_from_other_maps_by_their_heights_over_ground(written, tmp_path):
-    other = tmp_path / "other.geojson"
-    other.write_text(json.dumps({"type": "FeatureCollection", "features": []}))
-
-    assert [volumes_of.are_in(file) for file in (*written.values(), other)] == [True, True, False]
 
 
 def test_sizes_of_a_volume_are_rounded_outwards_to_decimetres():
@@ -140,13 +119,13 @@ def test_sizes_of_a_volume_are_rounded_outwards_to_decimetres():
 @pytest.mark.parametrize("turns", [1.0, -1.0, 0.0])
 def test_the_area_around_a_path_holds_every_place_within_its_width(turns):
     """The places lie outside of circles of 60 m, and around both ends of the path or of a leg."""
-    ability = Ability(V_a=15.0, wind=0.0, phi=0.7, phi_rate=1.0, gamma=(-0.2, 0.2), g=9.81)
-    circles = Waypoint(north=300.0, east=0.0, turns=turns, radius=60.0)
+    ability = ABILITY | {"V_a": 15.0, "wind": 0.0, "phi": 0.7, "phi_rate": 1.0}
+    circles = Waypoint(north=300.0, east=0.0, turns=turns, radius=60.0 if turns else None)
     path = plan([Waypoint(north=0.0, east=0.0), circles], ability)
     width, around = 40.0 if turns == 0.0 else 4.0, np.linspace(0.0, 2.0 * np.pi, 2000)
     s = np.linspace(0.0, path.length, 3000)
 
-    outer, *inner = volumes_of.rings_around(path, width)
+    outer, *inner = rings_around(path, width)
 
     ends = path.beside(np.array([0.0, path.length]))[:, None, :2]
     rings = (ends + width * np.stack([np.cos(around), np.sin(around)], axis=1)).reshape(-1, 2)

@@ -14,7 +14,7 @@ from places import SHIPPED_SCENARIOS
 from plans import PATROL, item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes import maps
+from flighttune.routes.maps import Corridor, north_east
 
 SEEN = "{http://www.opengis.net/kml/2.2}"
 
@@ -78,7 +78,7 @@ def corridor(route):
     edges = np.append(np.arange(0.0, route.length, 100.0), route.length)
     windows = np.column_stack([edges[:-1], edges[1:]])
     wide = np.tile([3.0, 2.0], (len(windows), 1))
-    return maps.Corridor(windows, -wide, wide, "a claim")
+    return Corridor(windows, -wide, wide, "a claim")
 
 
 def assert_plan(tables):
@@ -124,7 +124,7 @@ def area_of(fence, origin):
     """What a fence has inside, m, and its number of vertices."""
     parts = {True: [], False: []}
     for one in fence["polygons"]:
-        corners = [maps.north_east((lat, lon), origin) for lat, lon in one["polygon"]]
+        corners = [north_east((lat, lon), origin) for lat, lon in one["polygon"]]
         parts[one["inclusion"]].append(shapely.Polygon(corners))
     inside = shapely.union_all(parts[True]).difference(shapely.union_all(parts[False]))
     return inside, sum(len(one["polygon"]) for one in fence["polygons"])
@@ -213,8 +213,8 @@ def test_shapely_reads_geojson_whose_shapes_are_valid(mission, route, corridor, 
     assert len(windows) == len(corridor.windows)
     assert all(shape.is_valid for shape in shapes)
     assert shapely.union_all(windows).buffer(1e-7).covers(shapely.force_2d(line))
-    north, east = maps.north_east(line.coords[-1][1::-1], (47.4, 8.5))
-    assert (north, east) == pytest.approx(maps.north_east((47.41, 8.53), (47.4, 8.5)), abs=0.1)
+    north, east = north_east(line.coords[-1][1::-1], (47.4, 8.5))
+    assert (north, east) == pytest.approx(north_east((47.41, 8.53), (47.4, 8.5)), abs=0.1)
 
 
 @pytest.mark.parametrize("ending", ["plan", "kml", "geojson"])
@@ -266,9 +266,8 @@ def test_a_route_over_the_date_line_is_short(tmp_path):
     )
 
 
-def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_path, monkeypatch):
+def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_path):
     """The last point has latitude and longitude swapped; flights of a file end after 10 000 s."""
-    monkeypatch.setattr("flighttune.routes.path._path", None)
     line = tmp_path / "far.geojson"
     swapped = '{"type": "LineString", "coordinates": [[8.5, 47.3], [8.51, 47.3], [47.31, 8.5]]}'
     line.write_text(swapped)
@@ -291,7 +290,7 @@ def test_a_map_has_the_path_at_the_heights_of_the_plan_above_sea_level(tmp_path)
     assert points[0][:2] == (8.5, 47.4)
     assert points[-1][:2] == pytest.approx((8.52, 47.4), abs=1e-5)
     assert (points[0][2], points[-1][2]) == pytest.approx((540.0, 570.0), abs=CENTIMETRE)
-    beside = [math.hypot(*maps.north_east((lat, lon), (47.41, 8.52))) for lon, lat, _ in points]
+    beside = [math.hypot(*north_east((lat, lon), (47.41, 8.52))) for lon, lat, _ in points]
     assert min(beside) == pytest.approx(180.0, abs=0.1)
 
 
