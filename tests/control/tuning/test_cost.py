@@ -58,10 +58,6 @@ def test_its_slope_is_that_of_differences(problem):
         assert slope[place] == pytest.approx((ends[0] - ends[1]) / (2.0 * step), abs=DIFFERENCED)
 
 
-def test_the_cost_of_the_papers_gains(problem):
-    assert quadratic_cost(problem, ft.PAPER_GAINS.K)[0] == pytest.approx(2.33, abs=LAST_DIGIT)
-
-
 @pytest.mark.soak
 @pytest.mark.parametrize(
     ("I_star", "R_min", "J"),

@@ -1,6 +1,5 @@
 """Gains of the least E_K and of the fastest decay under a bound on the sensitivity."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,9 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize
 
 import flighttune as ft
-from flighttune.control.tuning.shaped import GustLoop, _Search
-from flighttune.flight.models import identified_problems
-from tests.control.tuning.conftest import DECOUPLED
+from flighttune.control.tuning.shaped import GustLoop
 
 # relative: the oracle's integral is a sum over 0.01 s, its search a simplex
 SAME, SAME_DECAY = 2e-3, 1e-2
@@ -95,28 +92,6 @@ def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objectiv
     assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
 
 
-@pytest.mark.parametrize("scales", [(1.0, 0.5), (0.5, 1.0)])
-def test_costs_and_peaks_are_those_of_the_worse_channel(scales):
-    """By the definition of each, channel by channel; either of them is the worse."""
-    tuning = {"model": "identified", "objective": "E_K", "identified": "aerosonde"}
-    (problem,) = identified_problems(made_up_scenario(tuning=tuning))
-    problem = replace(problem, K_fixed=DECOUPLED)
-    K = np.array([[1.8 * scales[0], 1.2 * scales[0]], [2.2 * scales[1], 1.5 * scales[1]]])
-    of_channels = [(channel(problem.model, i), K[i]) for i in (0, 1)]
-
-    search = _Search([problem], K.ravel())
-    unit = search.start(1.0, 0.0)
-
-    errors = [largest_error(*each) for each in of_channels]
-    assert max(errors) > 1.5 * min(errors)
-    assert np.exp(search.costs(unit)) == pytest.approx([max(errors)], rel=SAME)
-    highest = max(sensitivity(*each) for each in of_channels)
-    assert np.exp(search.peaks(unit, search.fine).max()) == pytest.approx(highest, rel=SAME)
-    decays = [abscissa(*each) for each in of_channels]
-    decay = _Search([replace(problem, objective="decay")], K.ravel())
-    assert decay.costs(unit) == pytest.approx([max(decays)], rel=1e-9)
-
-
 @pytest.mark.parametrize("K_I", [0.0, 0.3])
 def test_errors_in_gusts_are_those_of_the_spectrum_also_without_an_integral(K_I):
     """The Dryden spectrum of MIL-F-8785C past ``s^2 / (s^2 + b (K_P s + K_I))``, by quadrature."""
@@ -138,20 +113,6 @@ def test_errors_in_gusts_are_those_of_the_spectrum_also_without_an_integral(K_I)
 
         whole, left = (quad(x, 0.0, np.inf, limit=200)[0] for x in (density, passed))
         assert error == pytest.approx(np.sqrt(left / whole), rel=1e-5)
-
-
-def test_a_search_for_the_fastest_decay_ends_at_the_largest_sensitivity():
-    tuning = {"model": "identified", "objective": "decay", "identified": "aerosonde"}
-    (problem,) = identified_problems(made_up_scenario(tuning=tuning))
-    problem = replace(problem, K_fixed=DECOUPLED)
-    channels, slow_ones = [channel(problem.model, i) for i in (0, 1)], np.tile([0.9, 0.4], (2, 1))
-    search = _Search([problem], slow_ones.ravel())
-
-    z = search.end(search.start(1.0, 0.0), 0.0, restarts=1)
-
-    gains = search.parts(z)[0].reshape(2, 2)
-    assert max(map(sensitivity, channels, gains)) == pytest.approx(1.4, rel=SAME)
-    assert max(map(abscissa, channels, gains)) < 3.0 * max(map(abscissa, channels, slow_ones))
 
 
 @pytest.mark.slow
