@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.flight.loop.loop import simulate
 
 G = 9.81
 V_0 = 25.0
@@ -47,11 +46,6 @@ def point(n_x=(-0.5, 1.0), **options):
 
 def model_at(V_a, gamma, airspeed=True, **turn):
     return ft.loop.kinematic_model(V_a=V_a, gamma=gamma, g=G, airspeed=airspeed, **turn)
-
-
-def flown(plant, law, duration, **reference):
-    reference = ft.loop.Reference(chi=0.0, gamma=0.0, V=V_0, g=G, **reference)
-    return simulate(plant, law, reference, condition=START, duration=duration)
 
 
 def now(plant):
@@ -190,15 +184,6 @@ def test_the_airspeed_settles_at_its_floor_in_any_wind_when_the_engine_fails(win
     assert run.status == "completed"
     assert run.signals["V_a"].min() > 0.95 * V_0 - LAGS
     assert run.signals["V_a"].iloc[-1] == pytest.approx(0.95 * V_0, abs=SETTLED)
-
-
-@pytest.mark.parametrize(
-    ("plant", "message"),
-    [(ft.loop.PointMassPlant, "a plant of 2 commands"), (point, "the 3 commands of")],
-)
-def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, message):
-    with pytest.raises(ft.InputError, match=message):
-        flown(plant(), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02), 1.0)
 
 
 @pytest.mark.parametrize("kind", ["paper", "exact"])

@@ -146,7 +146,7 @@ def test_l1_of_ardupilot_accelerates_as_its_source():
         pairs.append((acceleration(flown, m, track, V_sp), expected))
     assert_equal(pairs)
     assert modes == {"leg", "small angle", "capture", "circle"}
-    assert abs(integral) > 1e-3
+    assert integral
 
 
 def test_l1_of_px4_accelerates_as_its_source():
@@ -337,7 +337,7 @@ class PitchOfArduPilot:
 
 
 def test_the_balance_of_ardupilot_pitches_as_its_source_sample_by_sample():
-    rng, pairs, met, ends = np.random.default_rng(4), [], set(), (-12.0, 9.0)
+    rng, pairs, met, ends = np.random.default_rng(4), [], set(), (-12.0, 30.0)
     for k in range(3 * STATES):
         if k % STATES == 0:
             weight = (1.0, 0.4, 1.7)[k // STATES]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.certificates import exact_rate
 
 # Share of the true rate that must be proven.
 TARGET = 0.99
@@ -123,26 +122,6 @@ def test_exact_rates_are_of_the_gains_of_their_certificate(mission):
     slower = replace(mission.gains, K_I=0.9 * mission.gains.K_I)
 
     assert not ft.verify(replace(mission, gains=slower)).valid
-
-
-def test_a_loop_that_is_stable_but_not_when_sampled_has_the_continuous_rate_alone():
-    """An error that falls at 5 1/s: a command held for 0.5 s turns it to the other side, larger."""
-    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    fast = ft.loop.InnerLag(order=1, natural_frequency=100.0)
-    gains = ft.PIGains(K_P=5.0 * 25.0 / 9.81 * np.eye(2), K_I=0.1 * np.eye(2))
-    sampled = [
-        exact_rate.Sampling(model=model, lags=(fast, fast), dt=dt, trapezoidal=True)
-        for dt in (0.05, 0.5)
-    ]
-
-    (both, none), (one, why) = (
-        exact_rate.exact_rates(model, gains, sampling=each) for each in sampled
-    )
-
-    assert [rate.sampling for rate in both] == [None, sampled[0]]
-    assert none == ""
-    assert [rate.sampling for rate in one] == [None]
-    assert "sampled at 2 Hz: it is not proven to be stable" in why
 
 
 def test_certify_says_why_the_sampled_loop_has_no_exact_rate():

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,6 @@ from forging import Opened
 
 import flighttune as ft
 from flighttune.control.certificates import lag_box
-from flighttune.flight import models
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -54,22 +52,6 @@ def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
         assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
         assert 0.0 < box.norm_rate <= box.rate
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("lag", "says"),
-    [
-        ((0.0, 0.2), "must be positive, its low end first"),
-        ((0.3, 0.2), "must be positive, its low end first"),
-        ([[0.1, 0.2], [0.3, 0.2]], "must be positive, its low end first"),
-        ([0.1, 0.2, 0.3], "must be one low and high end"),
-        ([[0.1, 0.2]] * 3, "must be one low and high end"),
-    ],
-)
-def test_no_gains_are_tuned_for_a_range_of_lags_that_is_none(lag, says):
-    scenario = ft.load_scenario("paper_identified", changes=IDENTIFIED)
-    with pytest.raises(ft.InputError, match=f"`lag` {says}"):
-        models.lag_problems(scenario, scenario.laws[0], lag)
 
 
 @pytest.mark.slow
@@ -208,59 +190,6 @@ def test_a_range_of_lags_is_tuned_for_at_one_condition(stated):
 # Least share of the rate for constant lags that a norm has however they change: those of boxes
 # over which R_K's gains were counted.
 # K_P (1/s), K_I (1/s^2) and inner feedback of a channel of the exact law.
-LARGEST_R_K, FASTEST, FED_BACK = (1.526, 0.861, 0.0), (2.349, 1.949, 0.0), (1.9, 1.2, 0.5)
-
-LAW = ((0.0, 0.0), (1.0, 1.0))  # of e' = -y
-LAGS = {
-    "twelve conditions": ((0.13, 0.22), (0.0, 0.0), *LAW),
-    "threefold": ((0.2, 0.6), (0.0, 0.0), *LAW),
-    "lag and delay": ((0.13, 0.19), (0.01, 0.03), *LAW),
-    "climb and airspeed": ((0.13, 0.19), (0.02, 0.02), (0.0, 0.2), (0.8, 1.1)),
-}
-
-
-def slowest_root(gains, lag, delay, a, b):
-    """Slowest pole of e' = a e - b G u behind the inner feedback, G the lag and Pade section."""
-    K_P, K_I, k = gains
-    late, pole = [-delay / 2.0, 1.0], np.polymul([delay / 2.0, 1.0], [lag, 1.0])
-    closed = np.polyadd(pole, k * np.array(late))  # y = (1 + k) late / closed u
-    loop = np.polymul(np.polymul([1.0, -a], [1.0, 0.0]), closed)
-    return -np.roots(
-        np.trim_zeros(np.polyadd(loop, b * (1.0 + k) * np.polymul(late, [K_P, K_I])), "f")
-    ).real.max()
-
-
-def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes(monkeypatch):
-    """x^n has (i over n) / (3 over n); (x - 1/2)^2 - 1/1000 is positive at all nodes."""
-    powers = [(3 * lag_box.TO_BERNSTEIN @ lag_box.NODES**n).tolist() for n in range(4)]
-    assert powers == [[3, 3, 3, 3], [0, 1, 2, 3], [0, 0, 1, 3], [0, 0, 0, 3]]
-
-    def conditions(_, __, point):
-        return np.array([(point[0] - Fraction(1, 2)) ** 2 - Fraction(1, 1000)])
-
-    monkeypatch.setattr(lag_box, "_conditions", conditions)
-    assert not lag_box.constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
-
-
-@pytest.mark.parametrize("parts", [1, 2])
-def test_a_rate_is_only_as_large_as_a_few_parts_of_a_box_prove(monkeypatch, parts):
-    """Two looks at a box suffice for all of it at once; one look never ends a proof."""
-    box = LAGS["threefold"]
-    monkeypatch.setattr(lag_box, "MAX_PARTS", parts)
-
-    rate = lag_box.constant_rate(LARGEST_R_K, box)
-
-    if parts == 1:
-        assert rate == 0.0
-        return
-    least = min(slowest_root(LARGEST_R_K, lag, 0.0, 0.0, 1.0) for lag in (0.2, 0.4, 0.6))
-    assert 0.5 * least < rate <= least
-    assert lag_box.constant_rate_proven(LARGEST_R_K, box, rate)
-    assert not lag_box.constant_rate_proven(
-        LARGEST_R_K, box, rate * (1.0 + 2.0 * lag_box.ACCURACY) + lag_box.ACCURACY * least
-    )
-
-
 def loop(gains, lag, delay, a, b):
     """States e, xi, y and what is delayed, as the equations read."""
     K_P, K_I, k = gains

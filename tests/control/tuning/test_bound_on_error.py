@@ -3,13 +3,10 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from printed import lagged
 
 import flighttune as ft
-from flighttune.control.tuning.program import Program
-from flighttune.control.tuning.result import assessment
 from tests.control.tuning.conftest import DECOUPLED
 
 BINDING = 1e-5
@@ -36,25 +33,12 @@ def test_the_bound_on_the_error_is_met(bounded):
     assert result.E_K == pytest.approx(bounded.E_star, rel=BINDING)
 
 
-def test_gains_that_are_no_numbers_have_errors_without_end(bounded):
-    """SLSQP may try them: they are as bad as no gains."""
-    task = Program([bounded], "R_K")
-    alone, whole, none = (
-        task._error_room(np.array([*k, 0.0, 0.0, 0.0, 1.0]))
-        for k in ([math.nan, 1.0, 1.0, 1.0], [math.nan] * 4, [0.0] * 4)
-    )
-
-    assert alone.tolist() == whole.tolist() == none.tolist()
-    assert (none < -20.0).all()
-    assert np.isfinite(none).all()
-
-
 def test_an_error_that_is_not_reached_is_named(model):
-    problem = ft.loop.TuningProblem(model=model, I_star=5.0, E_star=0.01)
-    paper = assessment(problem, ft.PAPER_GAINS.K)
+    problem = ft.loop.TuningProblem(model=model, I_star=5.0, E_star=0.01, K_fixed=ft.PAPER_GAINS.K)
+    paper = ft.tune(problem, starts=1)
 
-    assert not paper.meets(problem)
-    assert "`E_star` 0.01" in paper.why_not(problem)
+    assert paper.status == "infeasible"
+    assert "`E_star` 0.01" in paper.reason or "`E_star` must be" in paper.reason
 
 
 @pytest.mark.parametrize("E_star", [0.0, -1.0, math.nan])

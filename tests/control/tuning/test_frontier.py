@@ -1,20 +1,11 @@
 """The frontier against optima known from elsewhere and the paper's own gains."""
 
-import numpy as np
 import pytest
 from commands import flighttune
-from printed import MARKED
 
 import flighttune as ft
-from flighttune.control.tuning.tune import frontier
 
 pytestmark = pytest.mark.slow
-
-
-def test_without_stable_gains_only_the_marks_are_left(model):
-    found = frontier(ft.loop.TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
-
-    assert list(found.name) == list(MARKED)
 
 
 @pytest.mark.parametrize("objective", ["E_K", "decay"])

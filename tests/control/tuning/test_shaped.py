@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from fuzzing import slow
 from made_up import made_up_scenario
-from scipy.integrate import quad
 from scipy.optimize import minimize
 
 import flighttune as ft
-from flighttune.control.tuning.shaped import GustLoop
 
 # relative: the oracle's integral is a sum over 0.01 s, its search a simplex
 SAME, SAME_DECAY = 2e-3, 1e-2
@@ -90,29 +88,6 @@ def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objectiv
     peaks = [sensitivity(channel(result.problem.model, i), K[i, [i, 2 + i]]) for i in (0, 1)]
     assert max(peaks) <= 1.4 * (1.0 + 1e-5)
     assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
-
-
-@pytest.mark.parametrize("K_I", [0.0, 0.3])
-def test_errors_in_gusts_are_those_of_the_spectrum_also_without_an_integral(K_I):
-    """The Dryden spectrum of MIL-F-8785C past ``s^2 / (s^2 + b (K_P s + K_I))``, by quadrature."""
-    law, b = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), 9.81 / 25.0
-    gusts, K_P = np.array([0.3, 0.8]), np.array([1.5, 2.5])
-    problem = ft.loop.TuningProblem(model=law, objective="rms", sensitivity_max=2.0, gusts=gusts)
-    K = np.hstack([np.diag(K_P), K_I * np.eye(2)])
-
-    found = GustLoop(problem).errors(K, np.zeros(2))
-
-    for error, a, gain in zip(found, gusts, K_P, strict=True):
-
-        def density(w, a=a):
-            return (1.0 + 3.0 * (w / a) ** 2) / (1.0 + (w / a) ** 2) ** 2
-
-        def passed(w, a=a, gain=gain):
-            s = 1j * w
-            return abs(s**2 / (s**2 + b * (gain * s + K_I))) ** 2 * density(w, a)
-
-        whole, left = (quad(x, 0.0, np.inf, limit=200)[0] for x in (density, passed))
-        assert error == pytest.approx(np.sqrt(left / whole), rel=1e-5)
 
 
 @pytest.mark.slow
