@@ -7,13 +7,9 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.theory.indicators import scaled
-from flighttune.control.theory.lyapunov import common_Q
-from flighttune.flight.models import identified_problems
 
 pytestmark = pytest.mark.slow
 
-ROUNDING = 1e-7
 NOTHING_ASKED = 0.01
 """ITAE, rad s^2, below which a channel was not asked to move."""
 
@@ -103,52 +99,11 @@ def test_wins_on_manoeuvres_not_used_and_in_turbulence(name, intensity):
     wins(ft.fly(manoeuvre(UNUSED[name], **air)))
 
 
-@pytest.mark.counts
-def test_robust_gains_win_too_and_have_the_better_worst_case():
-    robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
-    found, single = ft.tune(robust, model="identified"), ft.tune(nominal, model="identified")
-    models = identified_problems(robust)
-    own = {"name": "tuned_identified", **found.gains.as_lists()}
-
-    def worst(gains):
-        loops = ((problem, ft.loop.closed_loop(problem.model, gains)) for problem in models)
-        return min(ft.loop.indicators(A_K, scaling=problem.scaling).R_K for problem, A_K in loops)
-
-    assert len(models) == len(ft.loop.load_identified("aerosonde").conditions)
-    assert found.R_K == pytest.approx(worst(found.gains))
-    assert found.R_K > worst(single.gains)
-    wins(ft.fly(manoeuvre(UNUSED["fast"], gains=["paper", "tuned", own])))
-
-
 @pytest.fixture(scope="module")
 def left():
     """The turn to the left, its model the identified one, and the gains tuned on it."""
     scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
     return scenario, ft.tune(scenario).gains
-
-
-@pytest.mark.soak
-def test_one_q_proves_a_rate_at_every_condition_identified(left):
-    _, gains = left
-    worst = identified_problems(manoeuvre(UNUSED["left"], robust=True))
-
-    tuned, printed = (
-        common_Q(
-            np.array([scaled(ft.loop.closed_loop(one.model, K), one.scaling) for one in worst])
-        )
-        for K in (gains, ft.PAPER_GAINS)
-    )
-
-    for one in worst:
-        loop = ft.loop.closed_loop(one.model, gains)
-        A = loop * (one.scaling / one.scaling[:, None])
-        decay = A.T @ tuned.Q + tuned.Q @ A + np.eye(len(A))
-        assert np.linalg.eigvalsh(decay).max() < ROUNDING
-    assert 0.0 < np.linalg.eigvalsh(tuned.Q)[0]
-    assert tuned.R == pytest.approx(1.0 / np.linalg.eigvalsh(tuned.Q)[-1])
-    for told, found in ((r"(\S+) /s for `tuned_identified`", tuned), (r"(\S+) for K\*", printed)):
-        (rate,) = re.findall(told, PAGE)
-        assert float(rate) == pytest.approx(found.R, abs=0.1 * HALF_OF_THE_LAST_DIGIT)
 
 
 def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():

@@ -98,11 +98,6 @@ def test_limits_cannot_be_changed():
         ft.loop.Limits.none(2).lower[0] = 3.0
 
 
-def test_a_rate_of_zero_to_one_side_is_a_limit():
-    fields = {"lower": -ONE, "upper": ONE, "rate_lower": -ONE, "rate_upper": 0.0 * ONE}
-    assert ft.loop.Limits(**fields).rate_upper.tolist() == [0.0, 0.0]
-
-
 # Range, and rate down and up, of one command, with a sample of 0.1 s.
 STEEP = ft.loop.Limits(lower=[-1.0], upper=[3.0], rate_lower=[-2.0], rate_upper=[5.0])
 
