@@ -99,14 +99,11 @@ def test_wins_on_manoeuvres_not_used_and_in_turbulence(name, intensity):
     wins(ft.fly(manoeuvre(UNUSED[name], **air)))
 
 
-@pytest.mark.counts
-def test_robust_gains_win_too_and_have_the_better_worst_case():
-    robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
-    found, single = ft.tune(robust, model="identified"), ft.tune(nominal, model="identified")
-    own = {"name": "tuned_identified", **found.gains.as_lists()}
-
-    assert found.R_K < single.R_K
-    wins(ft.fly(manoeuvre(UNUSED["fast"], gains=["paper", "tuned", own])))
+@pytest.fixture(scope="module")
+def left():
+    """The turn to the left, its model the identified one, and the gains tuned on it."""
+    scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
+    return scenario, ft.tune(scenario).gains
 
 
 def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():

@@ -9,11 +9,6 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.control.certificates.make import certify_model
-from flighttune.flight import models
-from flighttune.flight.loop.loop import simulate
-from flighttune.routes.segments import Segment
-from flighttune.vehicles.plants.weather import WindRecord
 
 G = 9.81
 V_0 = 25.0
@@ -51,11 +46,6 @@ def point(n_x=(-0.5, 1.0), **options):
 
 def model_at(V_a, gamma, airspeed=True, **turn):
     return ft.loop.kinematic_model(V_a=V_a, gamma=gamma, g=G, airspeed=airspeed, **turn)
-
-
-def flown(plant, law, duration, **reference):
-    reference = ft.loop.Reference(chi=0.0, gamma=0.0, V=V_0, g=G, **reference)
-    return simulate(plant, law, reference, condition=START, duration=duration)
 
 
 def now(plant):
@@ -99,37 +89,6 @@ def test_three_channels_have_the_optimum_of_two():
     assert three.R_K == pytest.approx(two.R_K, abs=1e-5)
     # The weight is taken out by one gain.
     assert three.gains.K_P[2, 1] == pytest.approx(-math.cos(CLIMB), abs=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("chi_deg", "gamma_deg"), [(0.0, 20.0), (70.0, 0.0)])
-def test_the_weight_is_taken_out_at_the_path_angle_of_the_reference(chi_deg, gamma_deg):
-    """Gains of an identified aircraft are tuned without the weight, and get their gain after."""
-    made = ft.load_scenario("exact_law").as_dict()
-    made["reference"] = {"chi_deg": chi_deg, "gamma_deg": gamma_deg, "V_mps": V_0}
-    made["limits"] |= {"n_x": [-0.5, 1.0]}
-    scenario, before = ft.scenario_from(made | {"expect": []}), tuned(True)
-
-    after = models._with_weight(before, scenario, scenario.laws[0])
-
-    added = np.zeros((3, 3))
-    added[2, 1] = -math.cos(math.radians(gamma_deg))
-    assert after.gains.K_P - before.gains.K_P == pytest.approx(added, abs=ROUNDING)
-
-
-@pytest.mark.slow
-def test_one_certificate_covers_airspeeds_and_path_angles():
-    models = [
-        ((V, gamma), model_at(V, gamma))
-        for V in (20.0, 25.0, 30.0)
-        for gamma in (-CLIMB, CLIMB, np.radians(20.0))
-    ]
-
-    made = certify_model(models[4][1], tuned(True).gains, conditions=models)
-
-    assert made.status == "certified"
-    assert made.values["rate"] > 0.3
-    assert ft.verify(made.certificate).valid
 
 
 def test_gains_of_both_laws_are_the_same_loop_about_level_flight():
@@ -182,25 +141,6 @@ def test_a_lag_of_thrust_is_its_step_response():
     assert now(plant)["n_x"] == pytest.approx(x[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["paper", "exact"])
-def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
-    """n_x of 0.25 carries a climb of asin(0.25 + kappa (V - V_low) / g) at most: Newton's law."""
-    climb = Segment(2.0, (0.0, 4.0), rates=(math.radians(5.0),))
-    plant = point((-0.2, 0.25), g=G)
-    signals, stop = flown(plant, law_of(kind), 40.0, gamma_segments=(climb,))
-
-    assert stop is None
-    assert signals["V_a"].min() > 0.95 * V_0 - LAGS
-    assert signals["gamma"].iloc[-1] == pytest.approx(math.asin(0.25), abs=1e-3)
-    kept = signals["gamma_given"] < signals["gamma_ref"]
-    assert kept.iloc[-1]
-    assert not kept.iloc[:50].any()
-    # n_x goes 0.05 beyond what the engine gives, and is recorded as limited there
-    stop = signals["n_x_cmd"] > 0.25 + 0.05 - ROUNDING
-    assert signals["n_x_cmd"].max() == pytest.approx(0.25 + 0.05, abs=ROUNDING)
-    assert (signals["n_x_limited"] == stop).all()
-
-
 WINDS = {
     "still air": (0.0, 0.0, 0.0),
     "sinking air": (0.0, 0.0, 3.0),
@@ -208,24 +148,6 @@ WINDS = {
     "tail wind": (10.0, 0.0, 0.0),
     "cross wind": (0.0, 10.0, 0.0),
 }
-
-
-@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
-@pytest.mark.parametrize("kind", ["paper", "exact"])
-@pytest.mark.slow
-def test_what_thrust_carries_is_a_climb_through_the_air(kind, wind):
-    """n_x of -0.04 holds V at V_low on sin(gamma) = -0.04 through the air, in any steady wind."""
-    plant = point((-0.2, -0.04), g=G, wind=WindRecord.steady(wind))
-    signals, stop = flown(plant, law_of(kind), 60.0)
-
-    end = signals.iloc[-1]
-    V_a, V_low, (north, east, _) = end["V_a"], 0.95 * V_0, wind
-    forward = north + math.sqrt((V_a * math.cos(math.asin(-0.04))) ** 2 - east**2)
-    assert stop is None
-    assert signals["V_a"].min() > V_low - LAGS
-    assert V_a == pytest.approx(V_low, abs=SETTLED)
-    over_ground = math.atan2(-0.04 * V_a - wind[2], forward)
-    assert end["gamma"] == pytest.approx(over_ground, abs=1e-3)
 
 
 @pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
@@ -265,32 +187,6 @@ def test_the_airspeed_settles_at_its_floor_in_any_wind_when_the_engine_fails(win
 
 
 @pytest.mark.parametrize("kind", ["paper", "exact"])
-def test_a_step_of_the_airspeed_is_answered_by_its_channel_alone(kind):
-    """While nothing limits, V obeys e'' + K_P e' + K_I e = 0 with gains per relative error."""
-    faster = Segment(1.0, (0.0,), jumps=(1.0,))
-    signals, _ = flown(point(g=G), law_of(kind), 6.0, V_segments=(faster,))
-
-    V_ref, K_P = V_0 + 1.0, 2.0
-    # The gains of the paper's law were mapped at 25 m/s and fly at 26: their rates are 25/26.
-    share = 1.0 if kind == "exact" else V_0 / V_ref
-    A = np.array([[0.0, 1.0], [-0.25 * K_P * share, -K_P * share]])
-    t = signals.index[signals.index >= 1.0] - 1.0
-    error = [(expm(A * s) @ [0.0, 1.0])[1] for s in t]
-    # m/s: half a sample of hold, 10 ms at 2 m/s^2
-    assert signals["V_err"].loc[1.0:].to_numpy() == pytest.approx(error, abs=0.03)
-    assert signals["gamma_err"].abs().max() < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("plant", "message"),
-    [(ft.loop.PointMassPlant, "a plant of 2 commands"), (point, "the 3 commands of")],
-)
-def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, message):
-    with pytest.raises(ft.InputError, match=message):
-        flown(plant(), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02), 1.0)
-
-
-@pytest.mark.parametrize("kind", ["paper", "exact"])
 def test_a_sample_without_an_airspeed_to_follow_is_refused(kind):
     law = law_of(kind)
     law.start(START)
@@ -299,23 +195,6 @@ def test_a_sample_without_an_airspeed_to_follow_is_refused(kind):
 
     with pytest.raises(ft.InputError, match="`gains` must be of two errors"):
         law.step(measured, ft.loop.ReferenceSample(0.0, 0.0, 0.0, 0.0), 0.0)
-
-
-@pytest.mark.slow
-def test_the_flying_wing_changes_its_airspeed_in_a_turn():
-    """The requirements are those of the shipped scenario, with 3 m/s in place of 5."""
-    X8 = {
-        "flight.V_a_mps": 18.0,
-        "reference.V_mps[0].change_mps": 3.0,
-        "tuning.identified": "x8",
-        "plant[1].aircraft": "x8",
-        "expect[0].plant": "jsbsim:x8",
-    }
-
-    flown = ft.fly("speed_change_in_turn", changes=X8)
-
-    assert flown.claim.total.requirements == 3
-    assert flown.claim.verdict == "met", flown.claim.missed
 
 
 @pytest.mark.slow
@@ -373,19 +252,3 @@ def test_a_route_changes_its_airspeed_at_its_waypoints():
     tables["route"]["waypoint"][1]["V_mps"] = 60.0
     with pytest.raises(ft.ScenarioError, match=r"\[\[route.waypoint\]\] `V_mps` must stay inside"):
         ft.fly(ft.scenario_from(tables))
-
-
-@pytest.mark.slow
-def test_a_route_gives_up_height_for_airspeed_and_says_how_much():
-    corner = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 800.0, "east_m": 0.0}]
-    top = {"north_m": 800.0, "east_m": 900.0, "up_m": 140.0}
-    tables = route_tables([*corner, top], 120.0, 0.14)
-    tables.pop("law", None)
-
-    flown = ft.fly(ft.scenario_from(tables))
-
-    signals = flown.runs[0].signals
-    assert flown.runs[0].status == "completed"
-    assert signals["V_a"].min() > 0.93 * V_0
-    below = f"{signals['height_err'].max():.0f} m below the route"
-    assert any(below in note for note in flown.answer().notes)

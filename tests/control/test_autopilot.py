@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.laws import autopilot
 
 DT, G = 0.02, 9.81
 ROUNDED = 2e-6  # rad: the expected angles have six digits
@@ -92,25 +91,6 @@ def test_l1_of_ardupilot_leads_to_a_far_track_at_half_a_right_angle():
     assert far == pytest.approx(further, abs=1e-12)
     at_45_deg = 2.25 * 400.0 / 81.1691 * math.sin(0.25 * math.pi)
     assert math.tan(far) * G == pytest.approx(at_45_deg, rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("bearing", "wind", "V", "heading"),
-    [
-        (0.0, (0.0, 6.0), 15.0, -0.4115168),
-        (math.pi, (0.0, 6.0), 15.0, -2.73),
-        (0.0, (0.0, 30.0), 30.0, -0.5 * math.pi),
-        (0.25 * math.pi, (-16.0, 0.0), 25.0, None),
-    ],
-)
-def test_npfg_flies_the_headings_that_px4_expects_in_wind(bearing, wind, V, heading):
-    # NpfgTest.cpp of PX4: LightCrossWind (twice) and ExcessCrossWind, within 0.01 rad
-    found = autopilot._heading(bearing, wind, V)
-    if heading is not None:
-        assert abs(math.remainder(found - heading, math.tau)) < 0.01
-    else:  # the velocity over ground has the bearing
-        north, east = V * math.cos(found) + wind[0], V * math.sin(found) + wind[1]
-        assert math.atan2(east, north) == pytest.approx(bearing, abs=1e-12)
 
 
 def test_npfg_of_the_default_period_has_the_gain_that_px4_prints():
@@ -222,27 +202,6 @@ def test_tecs_climbs_as_the_source_of_px4_does(period, parameters, flight, angle
     # TECS.cpp of PX4, sample by sample with its default parameters
     found = climbed({period: 15.0, **parameters}, **flight)[2]
     assert found == pytest.approx(angle, abs=1e-10)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_integral_of_tecs_of_ardupilot_fades_while_the_pitch_is_at_its_limit(side):
-    # AP_TECS::_update_pitch: by 1 - dt / (dt + time constant) a sample, the constant 5 s
-    steady = autopilot.Motion(0.0, 20.0, (20.0, 0.0), (0.0, 0.0), 20.0, 0.0, 0.0, 100.0, 0.0)
-    track = autopilot.Track(0.0, 0.0, 100.0 + side, 0.0, 0.0)
-
-    def kept(integral):
-        balance = made(L1 | {"TECS_TIME_CONST": 5.0}).height
-        balance.start(steady, 20.0)
-        balance.integral = side * integral
-        balance.climb_angle(steady, track, -0.1, 0.1)
-        return side * balance.integral
-
-    at_limit = 0.1 * 20.0 * G
-    for less, more, part in (
-        (at_limit + 0.5, at_limit + 1.0, DT / (DT + 5.0)),
-        (0.2 * at_limit, 0.7 * at_limit, 0.0),
-    ):
-        assert (kept(more) - kept(less)) / (more - less) == pytest.approx(1.0 - part, abs=1e-9)
 
 
 UP, DOWN = {"track": 200.0}, {"track": 20.0}

@@ -19,46 +19,6 @@ SLOW, FAST = (
 )
 
 
-def response(model, s):
-    return model.C @ np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B)
-
-
-@pytest.mark.parametrize("s", [0.3j, 2.0j, 1.0 + 5.0j])
-def test_each_input_is_multiplied_by_its_own_transfer_function(s):
-    lagged = response(inner_loop.with_inner_loop(MODEL, (SLOW, FAST)), s)
-
-    second = 36.0 / (s * s + 8.4 * s + 36.0)
-    pade = (1.0 - 0.025 * s) / (1.0 + 0.025 * s)
-    third = pade * 144.0 / (s * s + 9.6 * s + 144.0) / (1.0 + 0.1 * s)
-    assert lagged == pytest.approx(response(MODEL, s) * [second, third], rel=ROUNDING)
-
-
-def test_first_order_without_delay_is_the_plain_input_lag():
-    lags = [ft.loop.InnerLag(order=1, natural_frequency=w) for w in (4.0, 8.0)]
-
-    lagged, plain = (
-        inner_loop.with_inner_loop(MODEL, lags),
-        inner_loop.with_input_lag(MODEL, [4.0, 8.0]),
-    )
-
-    for name in "ABC":
-        assert getattr(lagged, name) == pytest.approx(getattr(plain, name))
-    assert lagged.states == plain.states
-
-
-@pytest.mark.parametrize("sections", [1, 2, 4])
-def test_a_delay_is_all_pass_and_its_phase_error_falls_with_the_sections(sections):
-    omega, delay, delayed = 2.0, np.array([0.1, 0.3]), MODEL
-    for _ in range(sections):
-        delayed = inner_loop.with_input_delay(delayed, delay / sections)
-
-    ratio = np.diag(response(delayed, 1j * omega)) / np.diag(response(MODEL, 1j * omega))
-
-    assert delayed.shape == (2 + 2 * sections, 2, 2)
-    assert np.abs(ratio) == pytest.approx(1.0, rel=ROUNDING)
-    assert -np.angle(ratio) == pytest.approx(omega * delay, rel=0.04 / sections**2)
-
-
 def test_the_response_is_exact_in_the_delay():
     omega = np.array([0.5, 3.0, 9.0])
     s = 1j * omega
@@ -76,12 +36,6 @@ def test_bandwidth_is_where_half_the_power_is_lost(order, damping, bandwidth):
     lag = ft.loop.InnerLag(order=order, natural_frequency=5.0, damping=damping, delay=0.3)
 
     assert lag.bandwidth == pytest.approx(bandwidth, rel=1e-9)
-
-
-def test_a_lag_counts_by_the_turn_it_causes():
-    scaling = inner_loop.inner_loop_scaling(MODEL, (SLOW, FAST))
-
-    assert scaling == pytest.approx([1.0, 1.0, *[25.0 / 9.81] * 6, 1.0, 1.0])
 
 
 @pytest.mark.parametrize(

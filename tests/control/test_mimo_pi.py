@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control import law, mimo_pi
 
 ROUNDING = 1e-12
 HERE = (0.0, 0.0)
@@ -21,14 +20,15 @@ def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
     return ft.loop.Limits(lower=-magnitude, upper=magnitude, rate_lower=-rate, rate_upper=rate)
 
 
-def command(controller, ref, y=HERE, u_ff=(0.0, 0.0), V_a=0.0):
-    mimo_pi.pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
-    return controller.state.u
+def command(controller, ref, y=HERE, V_a=25.0):
+    place = 1000.0, (0.0, 0.0, 0.0), None
+    here = ft.loop.Measured(y[0], y[1], V_a, 0.0, 1.0, *place)
+    return controller.step(here, ft.loop.ReferenceSample(*ref), 0.0)[:2]
 
 
 def flown(controller, error, samples):
     """Commands under a constant error."""
-    return np.array([command(controller, error)[:] for _ in range(samples)])
+    return np.array([command(controller, error) for _ in range(samples)])
 
 
 def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
@@ -83,7 +83,7 @@ def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it(
     """The command wanted, 0.7, is outside of the range of 0.5 too."""
     held = limits((0.5, 9.0), (1.0, 9.0))
     controller = ft.loop.MimoPI(diagonal([1.0, 0.0], [0.0, 0.0]), held, dt=0.1)
-    controller.state = mimo_pi.empty_state((side, 0.0))
+    controller.start(ft.loop.FlightCondition(V_a=25.0, phi=side, n_z=0.0))
 
     commands = side * flown(controller, (0.7 * side, 0.0), 12)[:, 0]
 
@@ -167,24 +167,16 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
     assert scheduled.state.integral == pytest.approx(before, abs=ROUNDING)
 
 
-@pytest.mark.parametrize("V_a", [20.0, 30.0])
-def test_the_linear_loop_of_scheduled_gains_is_that_of_gains_scaled_by_the_airspeed(V_a):
-    of_paper, trim = law.made_law("paper", "mine"), law.Trim(V_a=V_a, gamma=0.2, g=9.81)
-    share, gains = V_a / 25.0, ft.PAPER_GAINS
-
-    scheduled = of_paper.linear_model(trim._replace(schedule_speed=25.0))
-
-    scaled = ft.PIGains(K_P=share * gains.K_P, K_I=share * gains.K_I)
-    expected = ft.loop.closed_loop(of_paper.linear_model(trim), scaled)
-    assert ft.loop.closed_loop(scheduled, gains) == pytest.approx(expected, abs=ROUNDING)
-
-
 def test_feed_forward_is_inside_the_limits():
-    controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
+    """The load factor of the path wanted: cos(gamma)."""
+    none, climb = diagonal([0.0, 0.0], [0.0, 0.0]), (0.0, 0.4)
+    free, held = (
+        command(ft.loop.MimoPI(none, limits((1.0, most)), dt=0.02, feed_forward=True), climb, climb)
+        for most in (9.0, 0.5)
+    )
 
-    u = command(controller, HERE, u_ff=(0.0, 1.4))
-
-    assert u[1] == pytest.approx(1.0, abs=ROUNDING)
+    assert free == pytest.approx((0.0, math.cos(0.4)), abs=ROUNDING)
+    assert held == pytest.approx((0.0, 0.5), abs=ROUNDING)
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,9 @@ class _Search:
 
     def decays(self, z: FloatArray) -> bool:
         """Whether the slowest pole is fast enough, which a search that fails may forget."""
-        return bool(self._rates(z)[-1] <= (1.0 - DECAY_ROUNDING) * self._slowest)
+        # Without gains the integrators stand still, up to rounding of either sign.
+        least = min((1.0 - DECAY_ROUNDING) * self._slowest, -AT_REST)
+        return bool(self._rates(z)[-1] <= least)
 
     def is_calm(self, z: FloatArray) -> bool:
         """Whether the rms rates of the commands are within their bounds."""

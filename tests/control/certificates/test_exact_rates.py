@@ -7,10 +7,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.certificates import exact_rate
-from flighttune.control.inner_loop import MAX_SAMPLED, with_inner_loop, with_input_delay
-from flighttune.control.law import made_law
-from flighttune.vehicles.identification.file import design_model
 
 # Share of the true rate that must be proven.
 TARGET = 0.99
@@ -29,17 +25,6 @@ def certified(scenario):
 @pytest.fixture
 def mission():
     return certified("mission")
-
-
-def test_a_norm_may_grow_by_the_ratio_of_its_longest_to_its_shortest_axis():
-    """By hand: of ``sqrt(s' Q s)``, s in the units, the axes are ``units / sqrt(Q)`` long."""
-    condition = ft.loop.load_identified("aerosonde").conditions[0]
-    law = design_model(condition, g=9.81).law_model  # all states count alike
-    units, Q = np.array([1.0, 3.0, 1.0, 0.5]), np.diag([1.0, 4.0, 1.0, 16.0])
-    axes = units / np.sqrt(np.diag(Q))
-
-    growth = exact_rate.ExactRate(rate=1.0, Q=Q, units=units).growth(law)
-    assert growth == pytest.approx(axes.max() / axes.min())
 
 
 @pytest.mark.counts
@@ -139,41 +124,6 @@ def test_exact_rates_are_of_the_gains_of_their_certificate(mission):
     assert not ft.verify(replace(mission, gains=slower)).valid
 
 
-def test_a_loop_with_too_many_samples_of_delay_has_the_continuous_rate_alone():
-    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    late = ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=0.02 * MAX_SAMPLED / 2)
-    gains = ft.PIGains(K_P=0.1 * np.eye(2), K_I=0.01 * np.eye(2))
-    sampling = exact_rate.Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
-
-    rates, why = exact_rate.exact_rates(model, gains, sampling=sampling)
-
-    assert [rate.sampling for rate in rates] == [None]
-    assert "sampled at 50 Hz" in why
-    assert f"{MAX_SAMPLED} states" in why
-    with pytest.raises(ft.InputError, match="`lags` must"):
-        sampling.loop(gains)
-
-
-def test_a_loop_that_is_stable_but_not_when_sampled_has_the_continuous_rate_alone():
-    """An error that falls at 5 1/s: a command held for 0.5 s turns it to the other side, larger."""
-    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    fast = ft.loop.InnerLag(order=1, natural_frequency=100.0)
-    gains = ft.PIGains(K_P=5.0 * 25.0 / 9.81 * np.eye(2), K_I=0.1 * np.eye(2))
-    sampled = [
-        exact_rate.Sampling(model=model, lags=(fast, fast), dt=dt, trapezoidal=True)
-        for dt in (0.05, 0.5)
-    ]
-
-    (both, none), (one, why) = (
-        exact_rate.exact_rates(model, gains, sampling=each) for each in sampled
-    )
-
-    assert [rate.sampling for rate in both] == [None, sampled[0]]
-    assert none == ""
-    assert [rate.sampling for rate in one] == [None]
-    assert "sampled at 2 Hz: it is not proven to be stable" in why
-
-
 def test_certify_says_why_the_sampled_loop_has_no_exact_rate():
     changes = {"tuning.model": "identified", "controller.rate_hz": 1000.0}  # 25 ms late, twice
 
@@ -191,40 +141,3 @@ def test_a_sampled_loop_has_the_integral_of_its_law(mission):
     checks = [x.checks(model, mission.gains) for x in (sampling, other)]
     assert not sampling.trapezoidal
     assert [[check.exact for check in each] for each in checks] == [[True, True], [True, False]]
-
-
-def test_states_of_lags_count_by_the_rate_that_their_own_channel_causes():
-    """A radian of roll turns level flight by g/V, a unit of load factor too; others are 1."""
-    lags = (
-        ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.6),
-        ft.loop.InnerLag(order=1, natural_frequency=14.0),
-    )
-    model = with_inner_loop(ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), lags)
-
-    units = exact_rate.lag_units(model)
-
-    behind = [name.startswith(("phi", "n_z")) for name in model.states]
-    assert behind.count(True) == 3
-    expected = np.where([*behind, False, False], 25.0 / 9.81, 1.0)
-    assert units == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.05])
-@pytest.mark.parametrize("trapezoidal", [True, False])
-def test_a_sampled_loop_is_of_the_model_behind_its_lags_with_or_without_the_hold(
-    delay, trapezoidal
-):
-    """Lags with a delay of their own could take the place of the hold of half a sample."""
-    law = ft.loop.kinematic_model(V_a=25.0, gamma=0.1, g=9.81)
-    lags = tuple(ft.loop.InnerLag(order=1, natural_frequency=w, delay=delay) for w in (5.0, 8.0))
-    sampling = exact_rate.Sampling(model=law, lags=lags, dt=0.04, trapezoidal=trapezoidal)
-    own = made_law(ft.PAPER_GAINS.law).trapezoidal
-    alone, held = with_inner_loop(law, lags), with_inner_loop(law, [x.delayed(0.02) for x in lags])
-    behind = with_input_delay(alone, 0.02)
-
-    for model, same in ((alone, not delay), (behind, not delay), (held, True), (law, False)):
-        checks = sampling.checks(model, ft.PAPER_GAINS)
-        assert [check.exact for check in checks] == [same, trapezoidal == own]
-        assert [check.margin for check in checks] == [
-            0.0 if check.exact else -np.inf for check in checks
-        ]

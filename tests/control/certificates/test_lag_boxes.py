@@ -1,20 +1,15 @@
 """Rates over boxes of lags and delays: against dense grids and flights, and not to be forged."""
 
-import itertools
 import json
-import math
 from dataclasses import replace
-from fractions import Fraction
 from functools import cache
 
 import numpy as np
 import pytest
 from forging import Opened
-from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.control.certificates import lag_box
-from flighttune.flight import models
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -57,64 +52,6 @@ def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
         assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
         assert 0.0 < box.norm_rate <= box.rate
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
-
-
-def test_ranges_of_lags_and_delays_hold_those_of_every_condition_identified():
-    scenario = ft.load_scenario("paper_identified", changes={"tuning.model": "identified"})
-    law, identified = scenario.laws[0], ft.loop.load_identified("aerosonde")
-
-    ranges = models.late_ranges(
-        scenario, law, None, models.identified_models(scenario, law, everywhere=True)
-    )
-
-    for i, name in enumerate(("phi", "n_z")):
-        lags = [condition.channels[name].lag for condition in identified.conditions]
-        # Of a lag of third order: 2 z / w and the time constant of its real pole.
-        seconds = [2.0 * x.damping / x.natural_frequency + x.lag for x in lags]
-        delays = [x.delay + 0.01 for x in lags]  # and half a sample at 50 Hz
-        for found, each in zip(ranges, (seconds, delays), strict=True):
-            assert found[i] == pytest.approx((min(each), max(each)), rel=OF_FILE)
-
-
-@pytest.mark.parametrize(
-    ("lag", "expected"),
-    [
-        ((0.05, 0.25), ([0.05, 0.1, 0.15, 0.2, 0.25],) * 2),
-        ([[0.05, 0.25], [0.1, 0.3]], ([0.05, 0.1, 0.15, 0.2, 0.25], [0.1, 0.15, 0.2, 0.25, 0.3])),
-        ([[0.2], [0.1]], ([0.2] * 5, [0.1] * 5)),
-    ],
-)
-@pytest.mark.parametrize("asked", [{}, {"tuning.objective": "E_K", "tuning.sensitivity_max": 1.3}])
-def test_gains_are_tuned_for_lags_evenly_in_each_range_behind_the_delay(lag, expected, asked):
-    changes = IDENTIFIED | {"gains": ["paper"]} | asked
-    scenario = ft.load_scenario("paper_identified", changes={**changes, "expect": []})
-
-    problems = models.lag_problems(scenario, scenario.laws[0], lag)
-
-    for i, seconds in enumerate(expected):
-        name, first = ("phi", "n_z")[i], [problem.model for problem in problems]
-        at = first[0].states.index(name)
-        assert [-model.A[at, at] for model in first] == pytest.approx(1.0 / np.array(seconds))
-    whole = 1.0 / (2.0 * math.sin(math.radians(17.5)))
-    most = asked.get("tuning.sensitivity_max", whole)
-    assert [problem.sensitivity_max for problem in problems] == pytest.approx([most] * 5)
-    assert {problem.objective for problem in problems} == {"E_K" if asked else "decay"}
-
-
-@pytest.mark.parametrize(
-    ("lag", "says"),
-    [
-        ((0.0, 0.2), "must be positive, its low end first"),
-        ((0.3, 0.2), "must be positive, its low end first"),
-        ([[0.1, 0.2], [0.3, 0.2]], "must be positive, its low end first"),
-        ([0.1, 0.2, 0.3], "must be one low and high end"),
-        ([[0.1, 0.2]] * 3, "must be one low and high end"),
-    ],
-)
-def test_no_gains_are_tuned_for_a_range_of_lags_that_is_none(lag, says):
-    scenario = ft.load_scenario("paper_identified", changes=IDENTIFIED)
-    with pytest.raises(ft.InputError, match=f"`lag` {says}"):
-        models.lag_problems(scenario, scenario.laws[0], lag)
 
 
 @pytest.mark.slow
@@ -208,16 +145,6 @@ def test_boxes_are_of_the_gains_and_of_every_channel_of_their_certificate():
     assert not ft.verify(replace(certificate, boxes=certificate.boxes[:1])).valid
 
 
-@pytest.mark.parametrize("factors", [(1.0, 1.0), (1.1, 1.0), (1.0, 1.1)])
-def test_boxes_hold_the_law_of_every_model_of_their_certificate(factors):
-    certificate = behind_lags()
-    varied = [replace(certificate.model, B=factor * certificate.model.B) for factor in factors]
-
-    law, *_ = lag_box.boxes_checks(certificate.boxes, varied, GAINS)
-
-    assert law.exact == (max(factors) == 1.0)
-
-
 def test_a_lag_that_makes_a_channel_unstable_refuses_the_certificate():
     certification = ft.certify("mission", GAINS, lag=[(0.2, 0.6), (0.2, 2.5)])
 
@@ -251,21 +178,6 @@ def test_gains_tuned_for_a_range_of_lags_have_the_largest_rate_of_all_gains():
     assert min(box.norm_rate for box in boxes) > max(box.rate for box in behind_lags().boxes)
 
 
-@pytest.mark.soak
-def test_the_range_of_lags_that_a_scenario_states_is_that_of_its_gains_named_tuned():
-    changes = {"tuning.lag_s": [0.2, 0.6], "tuning.starts": 1}
-    stated = ft.load_scenario("mission", changes=changes)
-
-    tuned = ft.tune("mission", lag=(0.2, 0.6), starts=1)
-
-    assert (
-        models.gain_set(stated, "tuned") == ft.tune("mission", changes=changes).gains == tuned.gains
-    )
-    without = ft.load_scenario("mission", changes={"tuning.starts": 1})
-    identified = models.gain_set(without, "tuned_identified")
-    assert models.gain_set(stated, "tuned_identified") == identified != tuned.gains
-
-
 @pytest.mark.parametrize(
     "stated", [{"lag": (0.2, 0.6)}, {"changes": {"tuning.lag_s": [0.2, 0.6]}}], ids=str
 )
@@ -275,134 +187,15 @@ def test_a_range_of_lags_is_tuned_for_at_one_condition(stated):
 
 
 # Relative excess over the same, by the part of the box between two points.
-BETWEEN_POINTS = 1e-6
-
 # Least share of the rate for constant lags that a norm has however they change: those of boxes
 # over which R_K's gains were counted.
-SHARE = 0.93
-
 # K_P (1/s), K_I (1/s^2) and inner feedback of a channel of the exact law.
-LARGEST_R_K, FASTEST, FED_BACK = (1.526, 0.861, 0.0), (2.349, 1.949, 0.0), (1.9, 1.2, 0.5)
-
-LAW = ((0.0, 0.0), (1.0, 1.0))  # of e' = -y
-LAGS = {
-    "twelve conditions": ((0.13, 0.22), (0.0, 0.0), *LAW),
-    "threefold": ((0.2, 0.6), (0.0, 0.0), *LAW),
-    "lag and delay": ((0.13, 0.19), (0.01, 0.03), *LAW),
-    "climb and airspeed": ((0.13, 0.19), (0.02, 0.02), (0.0, 0.2), (0.8, 1.1)),
-}
-
-
-def slowest_root(gains, lag, delay, a, b):
-    """Slowest pole of e' = a e - b G u behind the inner feedback, G the lag and Pade section."""
-    K_P, K_I, k = gains
-    late, pole = [-delay / 2.0, 1.0], np.polymul([delay / 2.0, 1.0], [lag, 1.0])
-    closed = np.polyadd(pole, k * np.array(late))  # y = (1 + k) late / closed u
-    loop = np.polymul(np.polymul([1.0, -a], [1.0, 0.0]), closed)
-    return -np.roots(
-        np.trim_zeros(np.polyadd(loop, b * (1.0 + k) * np.polymul(late, [K_P, K_I])), "f")
-    ).real.max()
-
-
-def least_on_a_grid(gains, box):
-    width = [ends[0] < ends[1] for ends in box]
-    count = {1: 501, 2: 21, 3: 9}[sum(width)]
-    axes = [np.linspace(*ends, count if wide else 1) for ends, wide in zip(box, width, strict=True)]
-    return min(slowest_root(gains, *point) for point in itertools.product(*axes))
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    ("gains", "box"),
-    [
-        (LARGEST_R_K, "twelve conditions"),
-        (FASTEST, "lag and delay"),
-        (FED_BACK, "climb and airspeed"),
-        *(
-            pytest.param(gains, box, marks=pytest.mark.counts)
-            for gains in (LARGEST_R_K, FASTEST, FED_BACK)
-            for box in LAGS
-        ),
-    ],
-)
-def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
-    least = least_on_a_grid(gains, LAGS[box])
-
-    rate = lag_box.constant_rate(gains, LAGS[box])
-
-    assert (1.0 - FOUR_DIGITS) * least < rate < (1.0 + BETWEEN_POINTS) * least
-    assert lag_box.constant_rate_proven(gains, LAGS[box], rate)
-    assert not lag_box.constant_rate_proven(gains, LAGS[box], (1.0 + FOUR_DIGITS) * least)
-
-
-@pytest.mark.parametrize("gains", [LARGEST_R_K, FED_BACK])
-@pytest.mark.parametrize("delay", [0.0, 0.03])
-def test_the_rate_at_a_point_is_that_of_its_slowest_root(gains, delay):
-    point = 0.15, delay, 0.1, 0.9
-    slowest, box = slowest_root(gains, *point), [(x, x) for x in point]
-
-    assert lag_box.constant_rate_proven(gains, box, (1.0 - BETWEEN_POINTS) * slowest)
-    assert not lag_box.constant_rate_proven(gains, box, (1.0 + BETWEEN_POINTS) * slowest)
-
-
-def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes(monkeypatch):
-    """x^n has (i over n) / (3 over n); (x - 1/2)^2 - 1/1000 is positive at all nodes."""
-    powers = [(3 * lag_box.TO_BERNSTEIN @ lag_box.NODES**n).tolist() for n in range(4)]
-    assert powers == [[3, 3, 3, 3], [0, 1, 2, 3], [0, 0, 1, 3], [0, 0, 0, 3]]
-
-    def conditions(_, __, point):
-        return np.array([(point[0] - Fraction(1, 2)) ** 2 - Fraction(1, 1000)])
-
-    monkeypatch.setattr(lag_box, "_conditions", conditions)
-    assert not lag_box.constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
-
-
-@pytest.mark.parametrize("parts", [1, 2])
-def test_a_rate_is_only_as_large_as_a_few_parts_of_a_box_prove(monkeypatch, parts):
-    """Two looks at a box suffice for all of it at once; one look never ends a proof."""
-    box = LAGS["threefold"]
-    monkeypatch.setattr(lag_box, "MAX_PARTS", parts)
-
-    rate = lag_box.constant_rate(LARGEST_R_K, box)
-
-    if parts == 1:
-        assert rate == 0.0
-        return
-    least = min(slowest_root(LARGEST_R_K, lag, 0.0, 0.0, 1.0) for lag in (0.2, 0.4, 0.6))
-    assert 0.5 * least < rate <= least
-    assert lag_box.constant_rate_proven(LARGEST_R_K, box, rate)
-    assert not lag_box.constant_rate_proven(
-        LARGEST_R_K, box, rate * (1.0 + 2.0 * lag_box.ACCURACY) + lag_box.ACCURACY * least
-    )
-
-
 def loop(gains, lag, delay, a, b):
     """States e, xi, y and what is delayed, as the equations read."""
     K_P, K_I, k = gains
     u = np.array([(1.0 + k) * K_P, (1.0 + k) * K_I, -k, 0.0])
     e, _, y, z = np.eye(4)
     return np.array([a * e - b * y, e, (2.0 * z - u - y) / lag, 2.0 * (u - z) / delay])
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
-def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
-    box = LAGS["lag and delay"]
-    constant = lag_box.constant_rate(gains, box)
-
-    rate, Q = lag_box.norm_rate(gains, box, constant)
-
-    rng = np.random.default_rng(1)
-    x = np.eye(4)
-    for _ in range(60):
-        dt = rng.uniform(0.001, 0.3)
-        points = [[rng.choice(ends) for ends in box], [rng.uniform(*ends) for ends in box]]
-        ends = [expm(dt * loop(gains, *point)) @ x for point in points]
-        bound = np.exp(-rate * dt) * np.sqrt(np.einsum("ij,ik,kj->j", x, Q, x))
-        for end in ends:
-            assert (np.sqrt(np.einsum("ij,ik,kj->j", end, Q, end)) <= bound).all()
-        x = ends[0] / np.linalg.norm(ends[0], axis=0)
-    assert SHARE * constant < rate <= constant
 
 
 A_BOX = lag_box.LagBox((0.1, 0.3), (0.05, 0.05), (-0.1, 0.2), (0.4, 0.4), rate=0.5)
@@ -445,45 +238,3 @@ def test_a_box_says_its_ranges_and_its_rates():
     said = wide.values("chi")
     assert (said["lag_s"], said["lag"], said["delay"]) == ([0.1, 0.3], "0.1..0.3", "0.05")
     assert (said["error"], said["rate"], said["norm_rate"]) == ("chi", 0.5, 0.25)
-
-
-@pytest.mark.parametrize(("delay", "k"), [(0.0, 0.0), (0.0, 0.4), (0.1, 0.0), (0.1, 0.4)])
-def test_the_loop_of_a_channel_has_the_roots_of_its_transfer_function(delay, k):
-    """Lag and Pade section of a command ``(1 + k) (K_P e + K_I xi) - k y``; ``e' = a e - b y``."""
-    K_P, K_I, lag, a, b, h = 1.5, 0.8, 0.25, 0.1, 0.4, 0.5 * delay
-    s, late, ahead = (np.polynomial.Polynomial(x) for x in ([0, 1], [1, h], [1, -h]))
-    inner = (lag * s + 1.0) * late + k * ahead
-    whole = s * (s - a) * inner + b * (1.0 + k) * (K_P * s + K_I) * ahead
-
-    loop = lag_box._loop((K_P, K_I, k), (lag, delay, a, b), b).astype(float)
-    roots = np.sort_complex(np.linalg.eigvals(loop))
-
-    assert roots == pytest.approx(np.sort_complex(whole.roots()), rel=1e-9)
-    slowest = -whole.roots().real.max()
-    assert lag_box.true_rate_at((K_P, K_I, k), (lag, delay, a, b)) == pytest.approx(slowest)
-    if delay:
-        for share in (0.99, 1.01):
-            rate = Fraction(share * slowest)
-            point = [Fraction(x) for x in (lag, delay, a, b)]
-            conditions = lag_box._conditions((K_P, K_I, k), rate, point)
-            assert (conditions > 0).all() == (share < 1.0)
-
-
-@pytest.mark.parametrize(
-    ("entries", "holds"),
-    [((0.0, 0.4), True), ((-0.1, 0.4), True), ((0.21, 0.4), False), ((0.0, 0.401), False)],
-)
-def test_boxes_hold_the_law_of_a_model_or_prove_nothing(entries, holds):
-    a, b = entries
-    model = ft.loop.LinearModel(
-        A=[[0.0, 0.0], [0.0, a]], B=[[-0.4, 0.0], [0.0, -b]], C=np.eye(2), states=("chi", "gamma"),
-        inputs=GAINS.inputs,
-    )  # fmt: skip
-
-    first, *others = lag_box.boxes_checks((A_BOX, A_BOX), (model,), GAINS)
-
-    assert (first.exact, first.margin) == (holds, 0.0 if holds else -math.inf)
-    assert bool(others) == holds
-    assert not lag_box.boxes_checks((A_BOX,), (model,), GAINS)[0].exact
-    coupled = replace(GAINS, K_P=GAINS.K_P + 0.1)
-    assert not lag_box.boxes_checks((A_BOX, A_BOX), (model,), coupled)[0].exact
