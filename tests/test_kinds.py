@@ -16,6 +16,7 @@ KEPT = {
     "made-up objects": 85,
 }  # fmt: skip
 PATCHES = ("setattr", "setitem", "delattr")  # of monkeypatch; the environment and folders are free
+OF_OTHERS = ("_exit", "_replace", "_repr_svg_")  # of os, of named tuples, of IPython
 MADE_UP = ("SimpleNamespace", "Mock", "MagicMock")
 
 
@@ -44,7 +45,7 @@ def within(module):
 
 
 def private(name):
-    return name.startswith("_") and not name.startswith("__")
+    return name.startswith("_") and not name.startswith("__") and name not in OF_OTHERS
 
 
 @cache

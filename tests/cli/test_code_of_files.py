@@ -16,7 +16,6 @@ from made_up import run_file
 
 import flighttune as ft
 from flighttune.base.files import code
-from flighttune.campaigns.engine import pool
 from flighttune.campaigns.engine.flyer import Flyer, work_of
 from flighttune.campaigns.flying.rows import Draw
 
@@ -232,8 +231,7 @@ def received(tmp_path_factory):
     folder = written(tmp_path_factory.mktemp("received"))
     few = {"epsilon": 0.5, "confidence": 0.9, "flights": 4}
     mine = {"gains": "mine:paper", "start_deg": 2.0}
-    with chdir(folder), code.running(code.Runs.NAMED), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pool, "Flyer", Flyer)  # its process has this working folder
+    with chdir(folder), code.running(code.Runs.NAMED):
         ft.record(flown := ft.fly("with_aircraft.toml"), "run", name="run")
         run_file(Path("mine.parquet"), flown["kinematic / mine:paper"])
         ft.run_campaign("campaign.toml", "campaign", workers=1)
@@ -258,7 +256,6 @@ def here(received, tmp_path, monkeypatch):
 
 def fresh(monkeypatch):
     monkeypatch.setattr(code, "_NAMED", set())
-    code._run.cache_clear()
 
 
 def told(case, folder):
