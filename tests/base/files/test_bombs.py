@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from forging import sealed
 from fuzzing import refused_apart
 from readers import (
     kept_flights,
@@ -79,15 +80,23 @@ def claim(kind):
     return sink.getvalue()
 
 
-def columns(count):
-    """Columns of one number again and again, with the right hash."""
+def parquet(table, **options):
+    """A table as a recorded flight with the right hash."""
     sink = io.BytesIO()
-    table = pa.table({f"c{i}": pa.array(np.zeros(count)) for i in range(40)})
     table = table.replace_schema_metadata({"flighttune.file": BLANK})
-    pq.write_table(table, sink, compression="zstd")
-    data = sink.getvalue()
-    before, _, after = data.rpartition(BLANK.encode())
-    return before + f"SHA-256={sha256(before + after).hexdigest()}".encode() + after
+    pq.write_table(table, sink, compression="zstd", **options)
+    return sealed(sink.getvalue())
+
+
+def columns(number, rows):
+    """Columns of one number again and again."""
+    return parquet(pa.table({f"c{i}": pa.array(np.zeros(rows)) for i in range(number)}))
+
+
+def torn_page():
+    """A column whose page has no whole header."""
+    data = parquet(pa.table({"x": np.zeros(50_000)}), use_dictionary=False)
+    return sealed(data[:4] + b"\xff" * 20 + data[24:])
 
 
 def raster(side):
@@ -183,7 +192,14 @@ BOMBS = {
             zipfile.ZIP_STORED,
         ),
     ),
-    "Parquet": ("x.parquet", ft.load, lambda: columns(MB)),
+    "Parquet": ("x.parquet", ft.load, lambda: columns(40, MB)),
+    "Parquet of numbers": ("x.parquet", ft.load, lambda: columns(23, 1_500_000)),
+    "Parquet of texts": (
+        "x.parquet",
+        ft.load,
+        lambda: parquet(pa.table({"t": ["x" * 1000] * 300_000}), use_dictionary=False),
+    ),
+    "Parquet of a torn page": ("x.parquet", ft.load, torn_page),
     "raster": ("x.tif", read_terrain, lambda: raster(9000)),
     "recording": ("x.rrd", ft.load, lambda: b"RRF2" + bytes(20 * MB)),
     "flights kept": ("x.jsonl", kept_flights, lambda: hashed(nested('{"of":[', "]}"))),

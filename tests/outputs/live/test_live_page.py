@@ -1,8 +1,10 @@
 """The page in a real browser: sliders that are dragged, windows side by side, searches stopped."""
 
+import time
 from contextlib import contextmanager
 from functools import partial
 
+import psutil
 import pytest
 from browser import DESK, NARROW, OVERLAPS, PHONE, SCREEN, WIDE, chromium_at_real_speed
 from plans import plan_file, waypoint
@@ -246,3 +248,28 @@ def test_a_page_asks_nobody_but_its_server(browser, page):
         asked = tab.run("performance.getEntriesByType('resource').map(x => new URL(x.name).host)")
     assert "sent" not in blocked
     assert {*asked} <= {f"127.0.0.1:{page.port}"}
+
+
+@pytest.mark.soak
+def test_fifty_moves_a_second_are_followed_in_bounded_memory(browser, page):
+    process, seconds, room = psutil.Process(), 4.0, 60e6
+    with window(browser, page) as tab:
+        tab.run(
+            f"window.sent = 0; window.moves = document.getElementById('{K_P}'); window.timer ="
+            "setInterval(() => { moves.value = 0.5 + (sent++ % 100) / 50;"
+            "moves.dispatchEvent(new Event('input', {bubbles: true})) }, 20)"
+        )
+        time.sleep(seconds)
+        before, drawn = process.memory_info().rss, tab.run(DRAWN)
+        time.sleep(seconds)
+        more, pictures = process.memory_info().rss - before, tab.run(DRAWN) - drawn
+        sent = tab.run("clearInterval(timer), sent")
+        tab.run(f"window.last = {DRAWN}")
+        started = time.monotonic()
+        set_value(tab, K_P, 1.0)
+        tab.until(f"{DRAWN} > last", PATIENCE_S)
+
+    assert sent > 25.0 * seconds  # a busy machine sends fewer than fifty a second
+    assert pictures > seconds  # and they were followed, not queued:
+    assert time.monotonic() - started < 10.0
+    assert more < room

@@ -105,3 +105,14 @@ def test_gains_from_a_file_are_called_by_their_name(flown_paper, tmp_path):
     written = ft.report(run_folder(tmp_path / "runs", *runs), tmp_path / "page.html")
 
     assert "Gains: K*, arXiv 2411.13140 (paper), mine." in html.unescape(written.path.read_text())
+
+
+def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
+    """XML forbids them, and a page may be shown by a pager."""
+    wicked = "a\x1b[31m\x00title\u202e\x07"
+    short = {"title": wicked, "flight.duration_s": 0.5}
+    page = ft.report(ft.fly(ft.load_scenario("paper", changes=short)), tmp_path / "page.html")
+
+    text = page.path.read_text(encoding="utf-8")
+    assert "title" in text
+    assert all(char.isprintable() or char in "\n\u00a0" for char in text)
