@@ -47,7 +47,7 @@ def ended(row):
     assert row["left"] == [], row
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_difference_ends_a_campaign_of_workers_and_a_page(left_by):
     for row in left_by(("campaign", "open")).values():
         ended(row)

@@ -44,7 +44,7 @@ FAILS = 'raise ImportError("\\nits core failed to import")'
 SAYS = 'import sys; sys.stderr.write("compiled using NumPy 1.x, with a traceback"); '
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("library", ["shapely", "scipy", "jsbsim", "pyarrow", "rerun"])
 def test_a_library_that_cannot_be_imported_is_named_in_one_line(library, tmp_path):
     """Not as a lack of memory, and without what NumPy prints of it."""

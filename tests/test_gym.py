@@ -101,6 +101,7 @@ def test_a_scaled_flight_under_the_law_is_the_one_in_units():
     assert of(shares, "phi_cmd") * phi_max == pytest.approx(of(seen, "phi_cmd"), abs=1e-9)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("world", "gains"),
     [

@@ -131,6 +131,7 @@ FLIGHTS = {
 }
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_a_scenario_that_is_turned_is_flown_turned(flight):
     made, plant = FLIGHTS[flight]
@@ -149,6 +150,7 @@ def test_a_scenario_that_is_turned_is_flown_turned(flight):
         assert_same(here[name], back[name], name)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_a_scenario_that_is_mirrored_is_flown_mirrored(flight):
     made, plant = FLIGHTS[flight]
@@ -202,6 +204,7 @@ CASES = [(verb, other) for verb in VERBS for other in OTHERS]
 CASES.remove(("band", "mirrored"))  # its drawn starts are not mirrored
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("verb", "other"), CASES)
 def test_an_answer_has_the_same_numbers_in_any_direction_and_on_both_sides(verb, other):
     here, there = answered(verb), answered(verb, other)

@@ -39,7 +39,7 @@ def test_a_model_of_a_log_flies_within_the_limits_that_the_log_showed(mission, m
     assert (scenario.limits.phi_rate_dps, scenario.limits.n_z_rate_per_s) == (25.0, 0.9)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_model_flies_as_its_lags_in_wind_without_turbulence(mission, mine):
     stated = ft.flights(mission, aircraft=mine)
 

@@ -102,6 +102,7 @@ def sealed(out, change):
     file.write_text(json.dumps(tables))
 
 
+@pytest.mark.soak
 def test_a_campaign_flown_in_two_parts_has_the_rows_of_one(whole, rows, plan):
     assert [path.name[:27] for path in parts(whole)] == [
         "part-0000000000-0000000004-", "part-0000000004-0000000012-",
@@ -408,6 +409,7 @@ def asking(share, runs=1000, **keys):
     return plan_of(short(), START, runs=runs, until_sure=share, success=[none], **keys)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("share", "draws", "first"),
     # with n of n the integral of (2 (1 - q))^n, half at q = 0 and half over 0 to 0.5, is above 40

@@ -177,6 +177,7 @@ def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_
     assert -min(row["margin"] for row in values["requirements"]) == pytest.approx(worst)
 
 
+@pytest.mark.soak
 def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_of_its_own():
     wavy = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
     never = scenario(at_most("gamma", settling_s=10.0), disturbance=wavy)
@@ -434,6 +435,7 @@ def test_the_same_gains_meet_several_scenarios_and_trade_offs_are_of_what_confli
     assert meeting.flights == 2 * meeting.candidates <= 60
 
 
+@pytest.mark.soak
 def test_the_share_of_draws_that_meet_all_is_that_of_a_campaign_of_these_gains(campaign, tmp_path):
     """The count flies 200 fresh draws of the campaign; the start is counted on the same."""
     base, file = campaign
@@ -474,6 +476,7 @@ def test_a_budget_that_does_not_cover_the_count_is_refused_with_the_least(campai
         ft.meet(base, campaign=file, start="paper", budget=budget, workers=1)
 
 
+@pytest.mark.soak
 def test_gains_that_never_settle_rank_behind_those_that_settle_late():
     """From either start the search ends no worse than it began, and nearer with more flights."""
     late = scenario(at_most(settling_s=2.0))  # 6.1 s with K*

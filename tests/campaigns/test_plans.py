@@ -370,7 +370,7 @@ def test_inertias_that_an_aircraft_cannot_have_are_not_drawn(tmp_path, as_it_is,
     assert own.correlation == []
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_gains_stay_tuned_on_the_aircraft_where_the_law_alone_flies():
     flights = ft.flights("circuit_c172p").starting(2.0)
 

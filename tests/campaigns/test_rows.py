@@ -124,7 +124,7 @@ def assert_flown_as_alone(plan, rows, draws, rounding=1e-12):
             assert {key: row[key] for key in drawn} == drawn
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("tables", "dispersed", "runs", "flown"),
     [

@@ -335,6 +335,7 @@ FLOWN_AGAIN = [
 LONG = monitor, band_in_wind
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("maker", "tables", "arrays", "words"),
     [pytest.param(*row, marks=[pytest.mark.slow] * (row[0] in LONG)) for row in FLOWN_AGAIN],
@@ -464,7 +465,7 @@ def plant(**airframe):
 LIGHT, SEVERE = {"intensity": "light"}, {"intensity": "severe"}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("tables", "differs"),
     [

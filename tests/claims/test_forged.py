@@ -75,6 +75,7 @@ def believed(path, **by):
     return verified if verified.valid else None
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("kind", kinds())
 def test_each_kind_is_read_verified_and_shown_on_a_page_with_its_sentence(kind, tmp_path):
     file = KINDS[kind][0]()
@@ -184,7 +185,7 @@ def fields(value, path=()):
 FOLLOW = {"L_d", "radius", "rate", "the integral is that of the law of the gains"}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", ["certificate.json", "certificate_envelope.json", "bound.json"])
 def test_each_check_of_a_proof_about_gains_has_a_number_whose_change_fails_it(name, tmp_path):
     file, failed = old(name), set()

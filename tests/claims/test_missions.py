@@ -39,6 +39,7 @@ def names(place):
 
 
 # ---------------------------------------------------------------- the corridor and its fence
+@pytest.mark.soak
 def test_three_claims_share_the_confidence_and_the_hours_have_their_own():
     counts = [ft.load(file) for file in (mission(), room())]
     hourly = ft.load(hours())
@@ -110,6 +111,7 @@ def test_navigation_reaches_as_far_as_in_the_flights_that_stay_inside():
     assert text
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("fence", [around_leg, None])
 def test_a_count_until_it_is_sure_claims_no_corridor(fence, tmp_path):
     options = {**RULE, "until_sure": True, "changes": STRAIGHT}
@@ -142,6 +144,7 @@ def test_all_that_is_counted_stands_beside_the_band(place):
     assert away.min(axis=1).max() < 0.5
 
 
+@pytest.mark.soak
 def test_a_new_count_leaves_none_of_an_earlier_one_and_all_of_others(place):
     few = {**RULE, "changes": STRAIGHT, "seed": 3, "flights": 7}
     others = "mission-turn-back.npz", "mission.geojson", "mission-per-hour.json"
@@ -358,6 +361,7 @@ FORGED = [
 ]  # fmt: skip
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("change", "words"), FORGED)
 def test_hours_of_which_anything_was_changed_are_refused_in_one_line(change, words, tmp_path):
     file = changed(hours(), tmp_path / "x-per-hour.json", change)

@@ -77,6 +77,7 @@ def test_the_status_of_a_command_is_wiped_before_its_answer(here, monkeypatch):
     assert at_a_terminal(monkeypatch, "list --json")[0] == flighttune("list", "--json")[0]
 
 
+@pytest.mark.soak
 def test_a_proof_shows_a_bar_with_the_share_that_is_done(here, monkeypatch):
     command = "tube small.toml --gains paper --start-deg 0.1 --out t.npz"
 
@@ -180,7 +181,7 @@ def ended(*words, **streams):
     return subprocess.run(command, timeout=300, check=False, **streams)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_pipe_that_nobody_reads_and_a_closed_output_are_no_failures_and_a_full_disk_is():
     nobody, pipe = os.pipe()
     os.close(nobody)

@@ -79,7 +79,7 @@ def test_a_healthy_aircraft_with_a_slow_engine_pays_little_for_its_protection():
     assert np.exp(np.log(kept / without).mean()) < 1.05
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_route_whose_height_is_given_up_is_flown_to_its_end():
     """Height given up for the airspeed is no failure to arrive; the notes say how much it was."""
     points = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1500.0)]

@@ -116,7 +116,7 @@ def found(table, tmp_path_factory):
     return gap_of(folder, table, phi_cmd=late(table, "phi_cmd", 0.1))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_flight_of_the_model_differs_by_wind_and_delays_alone(found):
     values = {name: value for name, (value, _, _) in found.factors.items()}
 
@@ -167,7 +167,7 @@ def test_differences_are_those_of_the_signals_of_log_and_model(found, table):
     assert found.explained == pytest.approx(1.0 - left / whole, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_log_that_is_turned_about_the_vertical_has_its_wind_turned(found, table, tmp_path):
     by = math.radians(200.0)
 
@@ -195,7 +195,7 @@ def test_a_log_that_is_mirrored_has_its_wind_on_the_other_side(found, table, tmp
         assert gap.factors[name] == pytest.approx((side * value, *ends), abs=within)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_what_a_log_lacks_is_assumed_or_left_out_and_said(table, tmp_path):
     gap = gap_of(tmp_path, table.drop(columns=["V_a", "h", "theta", "n_z_cmd"]))
 

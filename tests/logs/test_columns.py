@@ -250,6 +250,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("there", "change", "words"), WRONG)
 def test_a_wrong_column_is_said_with_its_numbers_and_its_cure(said, there, change, words):
     wrong, notes = said(there, change)

@@ -317,6 +317,7 @@ def test_a_field_may_be_two_signals_and_a_command_is_the_measured_value_plus_its
     assert signals["phi_cmd"].to_numpy()[2:-2] == pytest.approx(command[2:-2], abs=1e-6)
 
 
+@pytest.mark.soak
 def test_a_dataflash_log_that_was_converted_to_text_is_read_and_cut_into_modes(tmp_path):
     """Mission Planner writes such: FBWA (mode 5 of ArduPlane), AUTO (10), LOITER (12), 5 s each."""
     modes = (5, 10, 5, 10, 5, 12)

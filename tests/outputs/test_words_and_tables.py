@@ -40,6 +40,7 @@ def classes_of(*bases):
     return {name: parents[name] for name in found - {*bases}}
 
 
+@pytest.mark.soak
 def test_each_kind_of_result_has_its_answer_and_each_answer_its_result():
     answering = classes_of("Answering", "Drawn")
     rows = {*SPEAKERS}

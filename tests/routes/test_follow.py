@@ -248,6 +248,7 @@ def test_a_route_that_cannot_be_read_is_refused(change, message):
         scenario(LAW, **change)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("command", ["tube", "export"])
 def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_path):
     options = {"export": ("--out", tmp_path / "out")}

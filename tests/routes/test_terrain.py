@@ -50,7 +50,7 @@ def test_heights_above_terrain_are_flown_over_it(tmp_path):
     assert not any("unknown" in note for note in planned.scenario.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_path_below_the_ground_is_a_no(tmp_path):
     low = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.42, 8.5, 60))
     words = "mission", low, "--plan", "--terrain", terrain(tmp_path / "t.tif")
@@ -350,6 +350,7 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
         maps.ground_at(file, np.array([[47.4, 8.5]]))
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("to_the_right", [*slow(False), True])
 def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, to_the_right):
     """East or west on a plane that rises to the north: an edge of its lower side."""

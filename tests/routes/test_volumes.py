@@ -99,6 +99,7 @@ def test_kml_has_the_areas_of_geojson_at_heights_above_sea_level(written):
     assert [len(x["geometry"]["coordinates"]) for x in features] == [1, 2, 1]
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("ending", "margin"), [(".geojson", 20.0), (".kml", 60.0)])
 def test_the_contingency_volume_is_a_fence_with_its_hole(mission, written, ending, margin):
     """Heights, above the start, are in GeoJSON alone."""

@@ -152,7 +152,7 @@ def imported(tmp_path_factory):
         tried(command, folder)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("me", [ME, 0], ids=["a user", "root"])
 @pytest.mark.parametrize("packed", [False, True], ids=["by another user", "in an archive"])
 @pytest.mark.parametrize("put", PUT.values(), ids=PUT)

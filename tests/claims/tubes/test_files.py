@@ -335,7 +335,7 @@ def aircraft(boxes):
     return ft.tube(boxes.flights.scenario, "paper", boxes)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_aircraft_flies_in_the_tube_of_its_boxes_which_is_proven_again(
     aircraft, boxes, tmp_path
 ):

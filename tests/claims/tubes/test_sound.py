@@ -170,6 +170,7 @@ PLANNED = {
 BRIEF = {"chi_deg": 1.0, "gamma_deg": 2.0, "rate_hz": 25.0, "duration_s": 0.8, "ramp_dps": 1.0}
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("scenario", "gains"),
     [
@@ -295,6 +296,7 @@ def test_each_reason_why_a_set_is_lost_has_a_manoeuvre_that_gives_it():
     assert [x for x in said if not any(x in reason for reason in known)] == []
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("tables", "gains", "disturbance", "said"),
     [

@@ -110,6 +110,7 @@ def test_a_value_that_is_refused_says_why_and_the_page_goes_on(browser, page):
         assert tab.run(OPACITY.format("#charts")) == 1.0
 
 
+@pytest.mark.soak
 def test_tuned_gains_move_the_sliders(browser, page):
     with window(browser, page) as tab:
         drawn = tab.run(DRAWN)
@@ -240,6 +241,7 @@ def test_everything_that_moves_has_a_name_for_screen_readers(browser, page):
     assert [role for role, name in named if not name.strip()] == []
 
 
+@pytest.mark.soak
 def test_a_page_asks_nobody_but_its_server(browser, page):
     with window(browser, page) as tab:
         blocked = tab.run(

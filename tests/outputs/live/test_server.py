@@ -182,6 +182,7 @@ class Mine:
 """
 
 
+@pytest.mark.soak
 def test_a_recording_runs_no_code_that_it_names(tmp_path):
     (tmp_path / "law.py").write_text(LAW)
     scenario = ft.load_scenario("paper_as_printed", changes={"flight.duration_s": 0.5}).as_dict()
@@ -246,7 +247,7 @@ def ends(connection):
 HEAD = b"POST /x/picture HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "sent", [b"", b"GET / HT", HEAD, HEAD + b"Content-Length: 1000\r\n\r\n", b"\0" * 9]
 )

@@ -70,6 +70,7 @@ def check_flies_as(page, values, scenario, gains):
     assert y == pytest.approx(wanted, abs=0.02 * max(1.0, np.ptp(wanted)))
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_page_begins_with_the_flights_of_its_scenario(pages, name):
     page = pages(name)
@@ -96,6 +97,7 @@ def test_a_page_begins_with_the_flights_of_its_scenario(pages, name):
     assert gains == sorted(gains, reverse=True)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("key", "value", "changes"),
     [

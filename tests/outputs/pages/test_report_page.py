@@ -90,6 +90,7 @@ def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     assert nominal != heavy
 
 
+@pytest.mark.soak
 def test_flights_need_no_folder_for_a_page(flown_paper, tmp_path):
     written = ft.report(flown_paper, tmp_path / "page.html")
 

@@ -53,7 +53,7 @@ def tables(found):
     return tomllib.loads(found.texts["aircraft.toml"])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_adoption_says_its_steps_and_writes_its_files(adopted):
     found, said = adopted
 
@@ -69,7 +69,7 @@ def test_an_adoption_says_its_steps_and_writes_its_files(adopted):
     assert found.seconds > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", ["adopted", "glider"])
 def test_the_record_of_an_adoption_has_its_answers(name, request):
     found, _ = request.getfixturevalue(name)

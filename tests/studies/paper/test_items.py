@@ -68,6 +68,7 @@ def independent(epsilon, amplitude, omega, t):
     return solve_ivp(rates, (0.0, t[-1]), start, "LSODA", **settings).y[:2]
 
 
+@pytest.mark.soak
 def test_the_eigenvalues_are_those_of_the_printed_loop_and_the_disturbance_is_a_wave(made):
     spectrum = np.linalg.eigvals(loop())
     found = made.table("fig2").to_numpy() @ [1.0, 1j]

@@ -63,7 +63,7 @@ def linked(file):
 DAMAGES = [cut, open_to_others, linked, Path.unlink, flipped, lambda file: flipped(file, 40)]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_step_is_read_by_others_and_made_anew_if_it_is_damaged_or_forged(copies, empty_cache):
     assert refused(copies()) == ""
     ((file, made),) = steps_in(empty_cache).items()
@@ -117,7 +117,7 @@ def test_another_part_rate_or_throttle_is_another_step(change, copies, empty_cac
     assert len(steps_in(empty_cache)) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_folder_of_steps_is_bounded_and_the_oldest_are_removed(copies, empty_cache):
     empty_cache.mkdir(parents=True, mode=0o700)
     for place in (empty_cache.parent, empty_cache):
@@ -172,7 +172,7 @@ def test_a_difference_has_as_many_digits_as_tell_both_apart():
     assert digits <= 4 or len(fewer) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_step_that_one_draw_cannot_check_is_checked_by_another_and_five_at_most_try(copies):
     folder, none = copies(), "there is no flight to check it in: "
     assert why_not(folder, thrust_factor=0.05).startswith(none)

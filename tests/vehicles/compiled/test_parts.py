@@ -371,7 +371,7 @@ def charged(tmp_path_factory):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("flown", "name"), [*(("driven", x) for x in ENGINES), *(("charged", x) for x in PISTONS)]
 )
@@ -426,7 +426,7 @@ OTHER_MODELS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", OTHER_MODELS)
 def test_forces_in_other_axes_signals_and_loads_are_those_of_jsbsim(name, tmp_path):
     folder = changed_aerosonde(tmp_path / "aircraft", OTHER_MODELS[name])

@@ -89,7 +89,7 @@ def test_actuators_of_varied_aircraft_have_their_own_lag_before_and_after_a_faul
         assert (before, rate()) == pytest.approx((25.0 / other, 25.0 / other / 4.0), rel=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_airspeed_sensor_that_reads_low_makes_the_aircraft_fly_as_much_too_fast():
     """The inner loop holds what it measures, and the law is told the same airspeed."""
     bias, from_s = -3.0, 1.0

@@ -60,7 +60,7 @@ def test_an_airspeed_outside_the_envelope_has_the_digits_that_it_deserves(V_a, g
     assert record["reason"] == said
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
 
