@@ -9,7 +9,6 @@ from scipy.signal import cont2discrete, dlsim, tf2ss
 import flighttune as ft
 from flighttune.vehicles.identification import fit
 from flighttune.vehicles.identification.fit import fitted_lag, lag_response
-from flighttune.vehicles.identification.identify import _of_one_order
 from flighttune.vehicles.plants.base import N_X_SIGNALS
 
 DT = 0.02
@@ -301,36 +300,6 @@ def test_the_percentage_explained_is_of_the_variance():
     assert fit.fit_percent(measured, measured + 0.5) == 75.0  # a quarter of a variance of 1
     assert fit.fit_percent(measured, 2.0 * measured) == pytest.approx(100.0 * (1.0 - 5.0))
     assert fit.fit_percent(np.ones(3), np.ones(3)) == -math.inf
-
-
-def test_one_order_of_lag_is_that_with_the_least_sum_of_the_criterion_over_conditions():
-    """Roll has the first order, not the best of its first condition, and lift the third."""
-    criteria = (
-        {"phi": (-10.0, -12.0, -11.0), "n_z": (3.0, 2.0, 1.0)},
-        {"phi": (-20.0, -15.0, -16.0), "n_z": (3.0, 1.0, 1.5)},
-    )
-    shapes = {order: ft.loop.InnerLag(order=order, natural_frequency=6.0) for order in (1, 2, 3)}
-    signals = {"frequency": None, "commanded": np.ones(3), "flown": np.ones(3)}
-    points = [
-        fit.Identification(trim=ft.loop.FlightCondition(V_a=speed), channels={
-            name: fit.ChannelIdentification(**signals, candidates=tuple(sorted(
-                (fit.LagCandidate(shapes[k], 0.1, bic) for k, bic in enumerate(values, 1)),
-                key=lambda candidate: candidate.bic,
-            )))
-            for name, values in channels.items()
-        })
-        for speed, channels in zip((20.0, 30.0), criteria, strict=True)
-    ]  # fmt: skip
-
-    chosen = _of_one_order(points)
-
-    orders = [
-        {name: [x.lag.order for x in channel.candidates] for name, channel in x.channels.items()}
-        for x in chosen
-    ]
-    assert orders == [{"phi": [1, 2, 3], "n_z": [3, 2, 1]}, {"phi": [1, 3, 2], "n_z": [3, 2, 1]}]
-    assert [x.trim.V_a for x in chosen] == [20.0, 30.0]
-    assert [x.channels["phi"].candidates[0].bic for x in chosen] == [-10.0, -20.0]
 
 
 class Thrusted:
