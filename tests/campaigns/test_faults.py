@@ -118,7 +118,7 @@ def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_co
     there = rows_of(out).column("run").to_pylist()
     assert first.interrupted
     assert 0 < first.runs == len({*there}) == len(there) < RUNS
-    assert not children()
+    assert len(children()) <= 1  # kept for the next campaign
 
     second = ft.run_campaign(ours, out, workers=2, resume=True, observer=Notes(kill_one))
 

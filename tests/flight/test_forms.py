@@ -80,9 +80,9 @@ ON_AIRCRAFT = {
     "wind.level": (LEVELS, {}),
     "disturbance": (AS_WIND, {}),
     "disturbance.path": ("air", {"disturbance": AS_WIND}),
-    "plant.throttle_max": (0.1, {}),
-    "plant.throttle_max_from_s": (0.5, {"plant": [AIRCRAFT | {"throttle_max": 0.1}]}),
-    "controller.speed_priority": (True, {"plant": [AIRCRAFT | {"throttle_max": 0.05}]}),
+    "plant.throttle_max": (0.17, {}),
+    "plant.throttle_max_from_s": (0.5, {"plant": [AIRCRAFT | {"throttle_max": 0.17}]}),
+    "controller.speed_priority": (True, {"plant": [AIRCRAFT | {"throttle_max": 0.17}]}),
 }
 ALONE = {
     "flight.ground_m": (460.0, {"turbulence": {"intensity": "light"}}),

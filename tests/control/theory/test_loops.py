@@ -307,7 +307,7 @@ def test_the_worst_disturbance_reaches_the_radius_within_a_few_percent(name):
         s = across[:4, :4] @ s + across[:4, 4:] @ v(now + 0.5 * t[1])
 
     assert 0.99 * exact < np.linalg.norm(s) < 1.0001 * exact
-    assert exact < certified(name).certificate.claim.radius < 1.1 * exact
+    assert exact < certified(name).certificate.claim.radius < 1.2 * exact
 
 
 # ------------------------------------------------ Lyapunov's equation, which every figure needs

@@ -116,7 +116,7 @@ def test_a_flight_is_that_of_an_independent_integrator(made, item, name, epsilon
         smooth = rows["t_s"].between(12.0, 19.9).to_numpy()
         slope = np.gradient(found, 0.01)[smooth]
         rate = rows[f"{name}_e_{channel}_dot_radps"].to_numpy()[smooth]
-        assert rate == pytest.approx(slope, abs=1e-4)
+        assert rate == pytest.approx(slope, abs=2e-4)
 
 
 def test_measures_are_sums_over_the_errors_that_are_tabled(made):
@@ -277,7 +277,7 @@ def test_flights_under_all_limits_keep_the_law_of_each_reading(make):
     rows, values = made.table("fig4_rate_limits"), made.values["fig4"]["readings"]
     ends, most = np.array([math.pi / 4, 2.1]), np.array([math.pi / 6, 1.0])
     for reading, conditional in (
-        ("ranges_and_rate_limits", False), ("with_rate_limits_and_anti_windup", True)
+        ("ranges_and_rate_limits", False), ("with_rate_limits_and_anti-windup", True)
     ):  # fmt: skip
         own = {
             x: rows[f"{reading}_{x}"].to_numpy()
@@ -291,9 +291,7 @@ def test_flights_under_all_limits_keep_the_law_of_each_reading(make):
         part, follow = v - e @ K_P.T, cumulative_simpson(e @ K_I.T, dx=0.01, axis=0, initial=0.0)
         assert (np.abs(part - follow).max() > 0.01) is np.bool_(conditional)
         late = np.abs(e[rows["t_s"] >= 18.0]).max()
-        assert values[reading.replace("_", " ").replace("anti windup", "anti-windup")][
-            "converged"
-        ] == (late < 0.05)
+        assert values[reading.replace("_", " ")]["converged"] == (late < 0.05)
 
 
 @pytest.mark.parametrize("name", ITEMS)
