@@ -31,7 +31,7 @@ def run(number, at, command, file):
                 sent = True
                 os.kill(os.getpid(), number)
 
-    from commands import main
+    from flighttune.cli.app import main
 
     sys.argv = ["flighttune", *command]
     sys.setprofile(watch)
@@ -47,11 +47,8 @@ def run(number, at, command, file):
 
 
 if __name__ == "__main__":
-    import commands  # noqa: F401
-
-    import flighttune as ft
-
-    ft.trim("aerosonde", V_a=[25.0])  # JSBSim is imported before the first copy
+    import flighttune.cli.app
+    import flighttune.vehicles.plants.jsbsim.trim  # noqa: F401
 
     # A shell starts background commands, and so tests, with SIGINT ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
