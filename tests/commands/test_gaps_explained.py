@@ -12,7 +12,7 @@ import flighttune as ft
 AEROSONDE = {"kind": "jsbsim", "aircraft": "aerosonde"}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_gap_is_the_sum_of_its_steps_and_its_cause_the_largest(tmp_path):
     turn = made_up_scenario(
         flight={"chi_deg": 5.0, "duration_s": 2.0}, plant=[{"kind": "kinematic"}, AEROSONDE]

@@ -100,6 +100,7 @@ def test_a_slider_that_is_dragged_changes_picture_and_numbers(browser, page):
 OPACITY = "Number(getComputedStyle(document.querySelector('{}')).opacity)"
 
 
+@pytest.mark.soak
 def test_a_flight_that_fails_says_why_and_the_page_goes_on(browser, page):
     with window(browser, page) as tab:
         set_value(tab, "plant.airframe.mass_factor", 3.0)
