@@ -167,6 +167,16 @@ def test_differences_are_those_of_the_signals_of_log_and_model(found, table):
     assert found.explained == pytest.approx(1.0 - left / whole, abs=1e-4)
 
 
+@pytest.mark.slow
+def test_the_picture_has_the_log_its_command_and_every_flight_in_degrees(found, tmp_path):
+    found.sheet().save(tmp_path / "gap.svg")
+
+    drawn = (tmp_path / "gap.svg").read_text(encoding="utf-8")
+    for label in ("chi [deg]", "gamma [deg]", "phi [deg]", "n_z [1]"):
+        assert label in drawn
+    assert all(name in drawn for name in (*found.flights, "command", "log"))
+
+
 @pytest.mark.soak
 def test_a_log_that_is_turned_about_the_vertical_has_its_wind_turned(found, table, tmp_path):
     by = math.radians(200.0)

@@ -19,7 +19,14 @@ PATIENCE_S = 60.0
 
 DRAWN = "Number(document.body.dataset.drawn ?? 0)"
 PICTURE = "document.querySelector('#charts').innerHTML"
+VERDICT = "document.querySelector('#verdict').textContent"
 K_P = "gains[0].K_P[0][0]"
+
+
+# Signals of a run by their names in a log.
+LOGGED = {x: f"{x}_rad" for x in ("chi", "gamma", "phi", "chi_ref", "gamma_ref")}
+LOGGED |= {"V_a": "V_a_mps", "V_g": "V_g_mps", "n_z": "n_z"}
+LOGGED |= {x: f"{x}_m" for x in ("north", "east", "down")}
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +98,15 @@ def test_a_slider_that_is_dragged_changes_picture_and_numbers(browser, page):
 
 
 OPACITY = "Number(getComputedStyle(document.querySelector('{}')).opacity)"
-VERDICT = "document.querySelector('#verdict').textContent"
+
+
+@pytest.mark.soak
+def test_a_flight_that_fails_says_why_and_the_page_goes_on(browser, page):
+    with window(browser, page) as tab:
+        set_value(tab, "plant.airframe.mass_factor", 3.0)
+        tab.until(f"/no trim: .*it would stall/.test({VERDICT})", PATIENCE_S)
+        set_value(tab, "plant.airframe.mass_factor", 1.0)
+        tab.until(f"/requirements? met/.test({VERDICT})", PATIENCE_S)
 
 
 def test_a_value_that_is_refused_says_why_and_the_page_goes_on(browser, page):
@@ -162,6 +177,16 @@ def test_a_snapshot_stays_as_a_ghost_until_it_is_removed(browser, page):
         assert "start" in tab.run(legend)
 
 
+def test_saving_and_recording_tell_the_command_that_does_the_same(browser, page):
+    with window(browser, page) as tab:
+        for button, command in (
+            ("[data-ask=save]", "flighttune fly"),
+            ("[data-recorded=yes]", "flighttune view"),
+        ):
+            click(tab, button)
+            tab.until(f"/{command}/.test(document.querySelector('#said').textContent)", PATIENCE_S)
+
+
 def test_a_recording_is_drawn_beside_the_flight_that_it_is_of(browser, tmp_path):
     ft.record(ft.fly("paper_as_printed", "paper"), tmp_path / "run")
     with ft.open(tmp_path / "run", browser=False) as page, window(browser, page) as tab:
@@ -172,6 +197,17 @@ def test_a_recording_is_drawn_beside_the_flight_that_it_is_of(browser, tmp_path)
         )
     drawn = dict(lines)
     assert drawn["kinematic / recorded"] == drawn["kinematic / paper"]
+
+
+def test_a_log_is_flown_beside(browser, tmp_path):
+    run = ft.fly("level_turn", "paper")["jsbsim:aerosonde / paper"]
+    table = run.signals[[*LOGGED]].rename(columns=LOGGED).rename_axis("t_s").reset_index()
+    table.to_csv(tmp_path / "flight.csv", index=False)
+    log = tmp_path / "flight.csv"
+    with ft.open(log, aircraft="aerosonde", browser=False) as page, window(browser, page) as tab:
+        legend = tab.run("document.querySelector('#legend').textContent")
+    assert "log / flight" in legend
+    assert "jsbsim:aerosonde" in legend
 
 
 BOX = [[47.397, 8.496], [47.397, 8.51], [47.407, 8.51], [47.407, 8.496]]

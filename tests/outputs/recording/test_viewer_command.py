@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from commands import flighttune
 
+import flighttune as ft
 from flighttune.outputs.recording import record
 
 linux_alone = pytest.mark.skipif(sys.platform != "linux", reason="others always have a screen")
@@ -91,3 +92,23 @@ def test_a_folder_without_a_recording_has_nothing_to_view(tmp_path):
     _, failure = flighttune("view", tmp_path, status=2)
 
     assert "the folder must hold a recording" in failure
+
+
+@pytest.mark.parametrize("taken", [0, 1])
+def test_a_port_that_is_taken_is_refused_by_its_number(recording, port, taken):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port + taken))
+        other.listen()
+        with pytest.raises(ft.RecordingError, match=f"port {port + taken} must be free"):
+            record.viewer(recording, port=port)
+
+
+def test_a_viewer_that_fails_is_an_error_and_sends_no_statistics(recording, tmp_path, monkeypatch):
+    monkeypatch.delenv("CI", raising=False)
+    told = tmp_path / "told"
+    code = f"import os, pathlib; pathlib.Path({str(told)!r}).write_text(os.environ['CI'])"
+
+    record.run_viewer(recording, [sys.executable, "-c", code])
+    assert told.read_text() == "true"
+    with pytest.raises(ft.RecordingError, match="got exit status 3"):
+        record.run_viewer(recording, [sys.executable, "-c", "raise SystemExit(3)"])
