@@ -10,7 +10,7 @@ import pytest
 from flown_campaigns import flown_here
 from forging import Opened, changed
 from scipy.stats import hypergeom
-from small_claims import ALONE, RULE, WITH_FIVE, around_leg, band, monitor, residual
+from small_claims import ALONE, RULE, STRAIGHT, WITH_FIVE, around_leg, band, monitor, residual
 
 import flighttune as ft
 from flighttune.claims.shape import learned_shape
@@ -190,10 +190,10 @@ def until_sure(folder):
     """The file of a count on a leg in a fence until it is sure."""
     fence, out = folder / "fence.geojson", folder / "sure.npz"
     fence.write_text(json.dumps(around_leg(60.0)))
-    legs = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 60.0)]}
     with flown_here():
-        flights = ft.flights("circuit", changes=legs).plan(plant="kinematic", gains="paper")
-        ft.mission(flights, fences=[fence], until_sure=True, out=out, **RULE)
+        ft.mission(
+            "circuit_in_wind", changes=STRAIGHT, fences=[fence], until_sure=True, out=out, **RULE
+        )
     return out
 
 
