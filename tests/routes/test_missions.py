@@ -327,7 +327,7 @@ READ = [
         [{"V_mps": 20.0}, {}],
         "22 m/s by item 2, 20 m/s by item 5, each from its place on",
     ),
-    ([*PATROL[:3], SPEED, PATROL[3]], [{"V_mps": 22.0}], "22 m/s by item 4, from its place on"),
+    ([*PATROL[:3], SPEED, PATROL[3]], [{"V_mps": 22.0}, {}], "22 m/s by item 4, from its place on"),
     (
         [PATROL[0], SPEED, *PATROL, item(178, 0, 40, -1, *NO_PLACE, frame=2)],
         [{}],
