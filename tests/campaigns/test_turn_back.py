@@ -290,7 +290,7 @@ def test_the_room_of_another_route_is_refused():
             room.volumes(count_on(ft.Band, other, [5.0, 2.0]))
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_fresh_flights_keep_to_the_volume_that_is_written(tmp_path):
     """Flights of another seed from the edge of the flight geography, put on the route by hand."""
     corners = [(0.0, 0.0, 0.0), (400.0, 0.0, 20.0), (400.0, 450.0, 20.0)]

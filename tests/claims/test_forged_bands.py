@@ -10,7 +10,17 @@ import pytest
 from flown_campaigns import flown_here
 from forging import Opened, changed
 from scipy.stats import hypergeom
-from small_claims import ALONE, RULE, STRAIGHT, WITH_FIVE, around_leg, band, monitor, residual
+from small_claims import (
+    ALONE,
+    RULE,
+    STRAIGHT,
+    WITH_FIVE,
+    around_leg,
+    band,
+    folder,
+    monitor,
+    residual,
+)
 
 import flighttune as ft
 from flighttune.claims.shape import learned_shape
@@ -147,6 +157,30 @@ def test_the_chance_that_verify_misses_a_forgery_is_that_of_doubling_epsilon():
     missed = hypergeom.pmf(0, WITH_FIVE, forged, 3)
     assert f"forgery of {forged} counted flights, which would double epsilon" in note
     assert f"missed with probability {missed:.2g}." in note
+
+
+@pytest.mark.slow
+def test_a_flight_that_cannot_start_is_the_reason_why_its_signals_cannot_be_counted():
+    dive = ft.load_scenario("level_turn", changes={"flight.gamma_deg": -30.0})
+
+    with pytest.raises(ft.InputError, match=r"must start: .* no steady .*[^.]\.$"):
+        ft.band(dive, start_deg=1.0, plant="jsbsim:aerosonde", gains="paper", signals=["h"])
+
+
+@pytest.mark.slow
+def test_flights_of_an_aircraft_whose_files_have_changed_are_not_flown_again(tmp_path):
+    def of_others(tables):
+        tables["plan"]["aircraft"] = dict.fromkeys(tables["plan"]["aircraft"], "0" * 64)
+
+    path = changed(residual(), tmp_path / "x.npz", of_others)
+    run = next(
+        x for x in ft.fly(folder() / "turn.toml", "paper").runs if x.label.startswith("jsbsim")
+    )
+
+    assert "the files of aerosonde are not those counted on" in ft.load(path).why_not(run)
+    verified = flown_again(path)
+    assert not verified.valid
+    assert "`aerosonde` must have the files" in verified.reason
 
 
 # ---------------------------------------------------------------- every field of every kind
