@@ -112,6 +112,8 @@ COMPONENTS = {
     '<rate_limit sense="decr">0.2</rate_limit><deadband_width>0.1</deadband_width>',
     "actuator with play": f"{ROLL}<hysteresis_width>0.1</hysteresis_width><delay>0.03</delay>",
     "actuator from zero": f"{ROLL}{FROM_ZERO}",
+    "actuator that begins at its end": "<input>attitude/phi-rad</input><lag>20</lag>"
+    "<rate_limit>0.3</rate_limit><clipto><min>0.05</min><max>0.15</max></clipto>",
     "integrator": f'{ROLL}<c1 type="trap">0.7</c1>',
     "integrator by default": f"{ROLL}<c1>0.7</c1>",
     "kinematic": f"<input>test/summer</input><traverse>{DETENTS}</traverse>",

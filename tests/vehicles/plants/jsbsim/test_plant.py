@@ -87,6 +87,12 @@ def test_duration_must_be_whole_integration_steps(duration):
         plant.advance(0.0, 1.0, duration)
 
 
+def test_a_slower_computer_takes_several_times_as_many_steps_in_the_same_time():
+    own = ft.loop.JSBSimPlant("aerosonde").rate
+
+    assert [ft.loop.JSBSimPlant("aerosonde", steps=n).rate for n in (1, 3)] == [own, 3.0 * own]
+
+
 @pytest.mark.parametrize(
     ("name", "values", "allowed"),
     [("seed", (-1, 2**31 - 2), "0 to 2147483645"), ("steps", (0, 21), "1 to 20")],
