@@ -157,6 +157,38 @@ def test_what_adopt_is_told_is_kept_in_the_file_of_a_refused_model(own, tmp_path
         assert len(err) < SHORT
 
 
+LEFT, RIGHT = "fcs/left-aileron-pos-rad", "fcs/rudder-pos-rad"  # any two that the model reads
+
+
+def test_surfaces_move_with_properties_that_are_named_once_each_by_its_sign(own, tmp_path, refusal):
+    file = own(WINGLESS)
+    for named, leader, other in (
+        ((LEFT, f"-{RIGHT}"), LEFT, f"-{LEFT}"),
+        ((f"-{LEFT}", f"-{RIGHT}"), LEFT, LEFT),
+    ):
+        refusal(file, *(word for name in named for word in ("--aileron", name)), status=1)
+        draft = (tmp_path / "mine/aircraft.toml").read_text()
+        assert f'command = "{leader}"' in draft
+        assert f'"{RIGHT}" = "{other}"' in draft
+
+
+def test_what_cannot_move_a_surface_is_refused(own, tmp_path, refusal):
+    file = own(WINGLESS)
+    for wrong, sentence in (
+        ("fcs/no", "--aileron: the model must read fcs/no, it does not"),
+        ("a b", "--aileron must be a property of the model, got a b"),
+        (f"-{LEFT}", f"--aileron must name a property once, got {LEFT}, -{LEFT}"),
+    ):
+        assert sentence in refusal(file, "--aileron", LEFT, "--aileron", wrong)
+    for commands in ({"flap": [LEFT]}, {"aileron": []}, {"aileron": LEFT}):
+        with pytest.raises(ft.InputError, match="`commands` must have "):
+            ft.adopt(str(file), tmp_path / "mine", commands=commands)
+
+
+def test_a_model_that_is_none_of_jsbsims_is_told_the_nearest(refusal):
+    assert re.search("c172q: must be a model of JSBSim's set, .*mean c172", refusal("c172q"))
+
+
 def test_the_main_file_is_found_by_the_files_of_flightgear(own, refusal):
     file = own(WINGLESS)
     folder, set_file, common = file.parent, file.with_name("sonde-set.xml"), "common.xml"
