@@ -1,6 +1,7 @@
 """Tests take less and less from inside the package; CONTRIBUTING says which kinds stay."""
 
 import ast
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -72,3 +73,11 @@ def test_each_kind_is_counted():
     wanted = (3, 2, 1, 1)
 
     assert tuple(counts(source)[kind] for kind in KEPT) == wanted
+
+
+def test_the_models_of_contributing_are_there():
+    page = (TESTS.parent / "CONTRIBUTING.md").read_text("utf-8")
+    models = re.findall(r"`(?:\S+ )*?(tests/[\w/.]*)`", page)
+
+    assert len(models) > 6
+    assert not [name for name in models if not (TESTS.parent / name).exists()]

@@ -4,7 +4,7 @@ import os
 
 
 def cores() -> int:
-    """Processor cores this process may use; PYTHON_CPU_COUNT says it, as from Python 3.13 on."""
+    """Processor cores this process may use; PYTHON_CPU_COUNT replaces it, as in Python 3.13."""
     if (stated := os.environ.get("PYTHON_CPU_COUNT", "")).isdecimal() and int(stated):
         return int(stated)
     if hasattr(os, "sched_getaffinity"):

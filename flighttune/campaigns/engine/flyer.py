@@ -106,7 +106,7 @@ class Flyer:
         return answers
 
     def is_ready(self) -> bool:
-        """Whether it can fly what this process asks: all was answered, and nothing has changed."""
+        """Whether it is alive and idle, and was started in the environment of today."""
         alive = self._process.poll() is None
         return alive and not self._busy and self._started_in == _surroundings()
 
@@ -154,9 +154,9 @@ class Flyer:
         return self._pipe.recv()
 
 
-# Processes without work: started before there was any, or kept for the next verb of a session,
-# which would wait for their imports again
-_READY: dict[int, list[Flyer]] = {}  # by the process that started them: its forks leave them alone
+# Idle processes by the process that started them, so that a fork uses none of its parent's. They
+# were started early or are kept, because the next verb would wait for their imports again.
+_READY: dict[int, list[Flyer]] = {}
 
 
 def _ready() -> list[Flyer]:
