@@ -75,9 +75,15 @@ def test_each_kind_is_counted():
     assert tuple(counts(source)[kind] for kind in KEPT) == wanted
 
 
-def test_the_models_of_contributing_are_there():
-    page = (TESTS.parent / "CONTRIBUTING.md").read_text("utf-8")
-    models = re.findall(r"`(?:\S+ )*?(tests/[\w/.]*)`", page)
+def test_every_test_that_a_page_names_is_there():
+    root = TESTS.parent
+    pages = [*root.glob("*.md"), *root.glob("docs/*.md"), *root.glob("design/*.md")]
+    named = {
+        (page.name, test)
+        for page in pages
+        if page.name != "CHANGELOG.md"  # of earlier versions
+        for test in re.findall(r"\btests/[\w/]+[.]py", page.read_text("utf-8"))
+    }
 
-    assert len(models) > 6
-    assert not [name for name in models if not (TESTS.parent / name).exists()]
+    assert len(named) > 20
+    assert not [(page, test) for page, test in named if not (root / test).exists()]
