@@ -2,12 +2,14 @@
 
 import json
 import tempfile
+import tomllib
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from flown_campaigns import flown_here
+from forging import Opened
 
 import flighttune as ft
 
@@ -47,6 +49,8 @@ FEW = {**RULE, "learn": 10, "start_deg": 2.0}
 LEG_M, BESIDE_M = 120.0, 2.0
 STRAIGHT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, LEG_M)]}
 STRAIGHT |= {"gains": ["paper"], "law": ["paper"]}  # which need no search
+STRAIGHT |= {"route.wind_mps": 2.0}  # turning back takes less time
+BOX = [[-100.0, -BESIDE_M], [-100.0, BESIDE_M], [250.0, BESIDE_M], [250.0, -BESIDE_M]]
 RATES = """
 flights = 8
 target_per_hour = 0.9
@@ -150,7 +154,7 @@ def mission():
     fence.write_text(json.dumps(around_leg(BESIDE_M)))
     with flown_here():
         ft.mission(
-            "circuit_in_wind", changes=STRAIGHT, fences=[fence], turn_back=30, flights=12,
+            "circuit_in_wind", changes=STRAIGHT, fences=[fence], turn_back=45, flights=12,
             rates=folder() / "rates.toml", out=band, **RULE,
         )  # fmt: skip
     return band
@@ -164,6 +168,27 @@ def room():
 def hours():
     """The file of the exits per flight hour of the mission."""
     return mission().with_name("mission-per-hour.json")
+
+
+def stated_term(flights, fault=None, ended_s=None, left=0, end_s=10.0):
+    """A term of a file of hours: flights of which so many left, and none was ended."""
+    stayed = [-1.0] * flights
+    times = {"left_s": [5.0] * left + stayed[left:], "end_s": [end_s] * flights}
+    return {"fault": fault, "ended_s": ended_s, **times, "ended_at_s": stayed}
+
+
+@cache
+def stated_hours():
+    """The file of the exits per flight hour of the mission as if none had left: none was flown."""
+    plan = ft.flights("circuit_in_wind", changes=STRAIGHT).plan(kind="jsbsim")
+    tables = {
+        "format": "flighttune flight hours 2", "units": {"volume": "m"}, "confidence": 0.9,
+        "rates": tomllib.loads(RATES), "plan": plan.of_group(plan.groups[0]).as_dict(),
+        "volume": {"rings": [BOX], "outside": [False], "low": None, "high": None},
+        "fence": around_leg(BESIDE_M), "later": [],
+        "terms": [stated_term(8), stated_term(6, 0), stated_term(6, 1, 0.5)],
+    }  # fmt: skip
+    return Opened(tables, {}, "", b"").write(folder() / "stated-per-hour.json")
 
 
 T = np.arange(600) / 25.0

@@ -16,7 +16,19 @@ from flown_campaigns import flown_here
 from forging import Opened, changed
 from geographiclib.geodesic import Geodesic
 from scipy import stats
-from small_claims import BESIDE_M, RATES, RULE, STRAIGHT, around_leg, folder, hours, mission, room
+from small_claims import (
+    BESIDE_M,
+    RATES,
+    RULE,
+    STRAIGHT,
+    around_leg,
+    folder,
+    hours,
+    mission,
+    room,
+    stated_hours,
+    stated_term,
+)
 
 import flighttune as ft
 
@@ -382,11 +394,6 @@ def claim(path, healthy=0, faulty=(0, 0), target=None, *, n=300, later=(), end_s
           rates_of=(0.5, 1.0), **fault):  # fmt: skip
     """The claim of a file with 300 flights of 100 s in each term, of which so many leave."""
 
-    def term(left, place=None, ended_s=None, flights=n):
-        inside = [-1.0] * flights
-        times = {"left_s": [5.0] * left + inside[left:], "end_s": [end_s] * flights}
-        return {"fault": place, "ended_s": ended_s, **times, "ended_at_s": inside}
-
     def change(tables):
         rates = tables["rates"]
         rates["flights"] = n
@@ -397,10 +404,11 @@ def claim(path, healthy=0, faulty=(0, 0), target=None, *, n=300, later=(), end_s
             rates["fault"][i].update(per_hour=rate, flights=n, **(fault if i else {}))
         ended = rates["fault"][1].get("ended_s")
         tables["plan"]["nominal"]["flight"]["duration_s"] = 1.2 * end_s
-        tables["terms"] = [term(healthy), term(faulty[0], 0), term(faulty[1], 1, ended)]
-        tables["later"] = [term(left, 1, at) for left, at in later]
+        each = [(None, None, healthy), (0, None, faulty[0]), (1, ended, faulty[1])]
+        tables["terms"] = [stated_term(n, *x, end_s) for x in each]
+        tables["later"] = [stated_term(n, 1, at, left, end_s) for left, at in later]
 
-    return ft.load(changed(hours(), path, change))
+    return ft.load(changed(stated_hours(), path, change))
 
 
 @pytest.mark.parametrize(
@@ -497,7 +505,7 @@ def test_a_few_flights_that_end_early_do_not_shorten_the_exposure(
             tables["rates"]["ending"]["monitor"] = "m.npz"
             tables["alarms"] = {"models": [], "middle": [], "half": []}
 
-    hourly = ft.load(changed(hours(), tmp_path / "x.json", change))
+    hourly = ft.load(changed(stated_hours(), tmp_path / "x.json", change))
 
     assert hourly.exposure.shortest_s == shortest_s
     assert (hourly.exposure.window_s, hourly.exposure.cap_s) == (90.0, 108.0)
@@ -516,7 +524,7 @@ def test_each_ending_and_kind_of_fault_is_told_as_declared(tmp_path):
             tables["rates"]["ending"] = {"kind": kind, **keys}
             tables["terms"][2]["ended_at_s"] = [0.0] * 6
 
-        hourly = ft.load(changed(hours(), tmp_path / "x.json", change))
+        hourly = ft.load(changed(stated_hours(), tmp_path / "x.json", change))
         said = " ".join([*hourly.answer().notes, *hourly.answer().summary, *hourly.about])
         assert words in said.replace("turn_back", "turn back"), kind
         assert (
