@@ -1,6 +1,8 @@
 """Small claims of every kind: flown or proven once in a session, and their files."""
 
+import copy
 import json
+import shutil
 import tempfile
 import tomllib
 from functools import cache
@@ -49,7 +51,8 @@ FEW = {**RULE, "learn": 10, "start_deg": 2.0}
 LEG_M, BESIDE_M = 120.0, 2.0
 STRAIGHT = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, LEG_M)]}
 STRAIGHT |= {"gains": ["paper"], "law": ["paper"]}  # which need no search
-STRAIGHT |= {"route.wind_mps": 2.0}  # turning back takes less time
+# Turning back takes less time in less wind, and a flight takes less of it at 20 Hz.
+STRAIGHT |= {"route.wind_mps": 2.0, "flight.ground_m": 250.0, "controller.rate_hz": 20.0}
 BOX = [[-100.0, -BESIDE_M], [-100.0, BESIDE_M], [250.0, BESIDE_M], [250.0, -BESIDE_M]]
 RATES = """
 flights = 8
@@ -178,17 +181,98 @@ def stated_term(flights, fault=None, ended_s=None, left=0, end_s=10.0):
 
 
 @cache
+def stated_plan():
+    """The plan of the flights of the mission."""
+    stated = ft.flights("circuit_in_wind", changes=STRAIGHT).knowing(None)
+    plan = stated.plan(kind="jsbsim")
+    return plan.of_group(plan.groups[0]).as_dict()
+
+
+def turning_plan():
+    """The plan of flights that turn back by 45 deg from any place of the leg, every 10 m of it."""
+    plan = copy.deepcopy(stated_plan())
+    rate = np.rad2deg(9.81 / (25.0 + STRAIGHT["route.wind_mps"]))  # the tangent of 45 deg is 1
+    there = {"chi_deg": 0.0, "gamma_deg": 0.0, "h_m": 1000.0, "V_a_mps": 25.0, "rate_dps": 0.0}
+    places = [
+        {"along_m": s, "north_m": s, "east_m": 0.0, **there, "back_dps": rate}
+        for s in np.arange(0.0, LEG_M + 1.0, 10.0).tolist()
+    ]
+    turn = {"at_m": 0.0, "side": 1, "bank_deg": 45.0, "turn_deg": 180.0, "detected_s": 10.0,
+            "reaction_s": 1.0, "roll_rate_dps": 30.0, "place": places}  # fmt: skip
+    plan["nominal"] = {k: x for k, x in plan["nominal"].items() if k not in ("route", "expect")}
+    plan["nominal"]["turn_back"] = turn
+    own = plan["campaign"]
+    own["title"] += ", turning back"
+    own["success"] = []
+    own["disperse"] += [
+        {"key": "turn_back.at_m", "acts": "sets", "distribution": "uniform", "lower": 0.0,
+         "upper": LEG_M},
+        {"key": "turn_back.side", "acts": "sets", "distribution": "choice", "values": [-1, 1]},
+    ]  # fmt: skip
+    return plan
+
+
+def stated_count(name, plan, learned, half, extremes, of=None, **arrays):
+    """The file of a count of such extremes, shape (flights, windows, signals, 2), not flown."""
+    units = {"from_route": "m", "height": "m"} if of else {"cross_track": "m", "height_err": "m"}
+    tables = {
+        "format": "flighttune band 2", "units": {"half": "as in signals"}, "of": of,
+        "signals": units, "coefficients": np.zeros((1, *half.shape)).tolist(),
+        "half": half.tolist(), "predicted_from": None, "learned": learned, **RULE, "fences": [],
+        "plan": plan | {"runs": learned + len(extremes)}, "planned": None, "until_sure": False,
+        "early": 0, "models": [],
+    }  # fmt: skip
+    arrays |= {"extremes": extremes.astype(np.float32), "wind": np.zeros((len(extremes), 0))}
+    return Opened(tables, arrays, "band", b"").write(folder() / name)
+
+
+REACH = np.linspace(0.5, 3.0, 12)  # of a dozen flights to either side, m
+TURNED = np.linspace(50.5, 90.5, 21)  # of flights that turn back, m; half as much in height
+
+
+@cache
+def stated_band():
+    """A band along the leg: flights reach so far to the right at 40 m, half to the left at 80 m."""
+    extremes = np.zeros((12, int(LEG_M), 2, 2))
+    extremes[:, 40, 0, 1], extremes[:, 80, 0, 0] = REACH, -0.5 * REACH
+    extremes[:, 60, 1] = np.outer(REACH, [-0.4, 0.2])  # above and below: errors
+    half = np.full((int(LEG_M), 2), [2.0, 1.0])
+    numbers = np.outer(np.linspace(0.6, 1.7, 12), [1.0, 2.0, 3.0, 4.0])
+    return stated_count("stated.npz", stated_plan(), 30, half, extremes, navigation=numbers,
+                        by_rtk=np.outer(np.linspace(0.1, 3.0, 30), [1.0, 0.5]))  # fmt: skip
+
+
+@cache
+def stated_room():
+    """The room of flights that turn back on that leg, which take so much of it."""
+    extremes = np.zeros((21, 1, 2, 2))
+    extremes[:, 0, :, 1] = np.outer(TURNED, [1.0, 0.5])
+    return stated_count("stated-turn-back.npz", turning_plan(), 60, np.array([[100.0, 50.0]]),
+                        extremes, "turn_back")  # fmt: skip
+
+
+@cache
 def stated_hours():
     """The file of the exits per flight hour of the mission as if none had left: none was flown."""
-    plan = ft.flights("circuit_in_wind", changes=STRAIGHT).plan(kind="jsbsim")
     tables = {
         "format": "flighttune flight hours 2", "units": {"volume": "m"}, "confidence": 0.9,
-        "rates": tomllib.loads(RATES), "plan": plan.of_group(plan.groups[0]).as_dict(),
+        "rates": tomllib.loads(RATES), "plan": stated_plan(),
         "volume": {"rings": [BOX], "outside": [False], "low": None, "high": None},
         "fence": around_leg(BESIDE_M), "later": [],
         "terms": [stated_term(8), stated_term(6, 0), stated_term(6, 1, 0.5)],
     }  # fmt: skip
     return Opened(tables, {}, "", b"").write(folder() / "stated-per-hour.json")
+
+
+@cache
+def stated_mission():
+    """The file of that band in a folder of its own, with the room, its volumes and hours beside."""
+    band = folder() / "stated" / "mission.npz"
+    band.parent.mkdir()
+    shutil.copy(stated_band(), band)
+    shutil.copy(stated_hours(), band.with_name("mission-per-hour.json"))
+    ft.mission(band).with_room(ft.load(stated_room()))
+    return band
 
 
 T = np.arange(600) / 25.0

@@ -174,7 +174,7 @@ def test_a_term_counts_the_flights_that_left_and_those_that_were_ended(tmp_path)
 # ---------------------------------------------------------------- flights, one by one
 def outside_at(run):
     """First look, 0.1 s apart and at the end, at which a flight is beside the fence or behind."""
-    looks = np.unique([*range(0, len(run.t), 5), len(run.t) - 1])  # of 50 Hz
+    looks = np.unique([*range(0, len(run.t), 2), len(run.t) - 1])  # of 20 Hz
     north, east = run.signals["north"].to_numpy()[looks], run.signals["east"].to_numpy()[looks]
     out = (np.abs(east) > BESIDE_M) | (north < -100.0) | (north > 250.0)
     return float(run.t[looks][out.argmax()]) if out.any() else -1.0
@@ -215,4 +215,4 @@ def test_flights_are_ended_at_their_time_and_place(how, tmp_path):
             left = outside_at(alone)
             if left < 0.0 and alone.status != "completed":
                 left = alone.t[-1]  # where its model ends: no fall is declared
-            assert of.left_s == pytest.approx(left, abs=0.021)
+            assert of.left_s == pytest.approx(left, abs=0.051)
