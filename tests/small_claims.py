@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from flown_campaigns import flown_here
 from forging import Opened
+from geographiclib.geodesic import Geodesic
 
 import flighttune as ft
 
@@ -92,11 +93,14 @@ KEPT = []
 
 
 def around_leg(beside_m, ends_m=(-100.0, 250.0), top_m=None):
-    """A fence of this half-width around the leg, as GeoJSON: a degree of latitude is 111.2 km."""
-    _, (lat, lon), _ = ft.route("circuit", changes=STRAIGHT).where
-    north, east = 1.0 / 111_200.0, 1.0 / (111_300.0 * np.cos(np.deg2rad(lat)))
+    """A fence of this half-width around the leg, as GeoJSON."""
+    _, start, _ = ft.route("circuit", changes=STRAIGHT).where
     corners = [(ends_m[i], side * beside_m) for i, side in ((0, -1), (0, 1), (1, 1), (1, -1))]
-    ring = [[lon + east * e, lat + north * n] for n, e in [*corners, corners[0]]]
+    ring = [
+        [line["lon2"], line["lat2"]]
+        for n, e in [*corners, corners[0]]
+        for line in [Geodesic.WGS84.Direct(*start, np.rad2deg(np.arctan2(e, n)), np.hypot(n, e))]
+    ]
     properties = {} if top_m is None else {"max_up_m": top_m}
     shape = {"type": "Polygon", "coordinates": [ring]}
     return {"type": "Feature", "geometry": shape, "properties": properties}
