@@ -73,14 +73,14 @@ def check(case, seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(case=problems(), seed=st.integers(0, 999))
 def test_no_flight_leaves_the_tube(case, seed):
     check(case, seed)
 
 
 @pytest.mark.soak
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(case=problems(120.0), seed=st.integers(0, 10**6))
 def test_no_flight_leaves_any_of_many_tubes(case, seed):
     check(case, seed)
@@ -128,7 +128,7 @@ class Always:
         return np.full(count, self.side)
 
 
-@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("loop", ["law", "lags", "fed back"])
 def test_a_mirrored_manoeuvre_has_a_mirrored_tube(loop):
     scenario, gains, start, disturbance = LOOPS[loop]
     chi_deg = scenario.as_dict()["flight"]["chi_deg"]
@@ -145,7 +145,7 @@ def test_a_mirrored_manoeuvre_has_a_mirrored_tube(loop):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("loop", ["law", "lags", "exact"])
+@pytest.mark.parametrize("loop", ["law", "exact"])
 def test_more_disturbance_and_more_starts_make_a_tube_wider(loop):
     scenario, gains, start, disturbance = LOOPS[loop]
 
