@@ -10,6 +10,7 @@ import pytest
 from commands import answer
 from enclosed import LAGS, flown, manoeuvre
 from enclosed import changed as other
+from flown_campaigns import flown_here
 from forging import Opened, changed, sealed
 from small_claims import proven, residual, saved
 
@@ -398,8 +399,9 @@ def test_what_the_boxes_say_nothing_about_is_refused(boxes, tables, options, wor
 
 @pytest.mark.soak
 def test_boxes_are_counted_for_an_aircraft_that_is_asked_for_and_bound_flights_from_all_starts():
-    found = ft.tube(manoeuvre(AEROSONDE, chi_deg=4.0, gamma_deg=0.0, ramp_dps=1.0), "paper",
-                    plant="jsbsim:aerosonde", start=np.radians(1.0))  # fmt: skip
+    with flown_here():
+        found = ft.tube(manoeuvre(AEROSONDE, chi_deg=4.0, gamma_deg=0.0, ramp_dps=1.0), "paper",
+                        plant="jsbsim:aerosonde", start=np.radians(1.0))  # fmt: skip
 
     assert (found.status, found.probability.of) == ("bounded", "flight")
     assert (found.flown.flights, found.flown.drawn) == (13, 8)
