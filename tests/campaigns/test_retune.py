@@ -292,7 +292,7 @@ def test_bounds_on_errors_and_on_lost_aircraft_are_those_of_as_many_draws(better
          for of, x in both.items()]
     )  # fmt: skip
     rows.loc[(rows["gains"] == "tuned") & (rows["draw"] < 30), name] = 93.5
-    rows.loc[(rows["gains"] == "yours") & (rows["draw"] == 40), "status"] = "diverged"
+    rows.loc[(rows["gains"] == "yours") & (rows["draw"] == 40), ["status", name]] = "lost", np.nan
     draws = bettered.plan.with_runs(n * len(bettered.plan.groups))
     many = replace(bettered, rows=rows, plan=draws, start=replace(bettered.start, lost=2))
 
