@@ -416,7 +416,7 @@ def asking(share, runs=1000, **keys):
     ("share", "draws"),
     # with n of n the integral of (2 (1 - q))^n, half at q = 0 and half over 0 to 0.5, is above 40
     # from n = 6 on, and that of (1.25 (1 - q))^n from 19; it is looked at every 12 draws
-    [(0.8, 24), pytest.param(0.98, 1000, marks=pytest.mark.soak)],
+    [(0.8, 24), pytest.param(0.98, 1000, marks=pytest.mark.counts)],
 )
 def test_a_campaign_ends_once_it_is_sure_and_goes_on_to_the_same(tmp_path, share, draws):
     plan, out = asking(share, runs=600), tmp_path / "out"

@@ -227,7 +227,7 @@ def test_positions_of_any_name_move_the_surface_on_which_they_act_by_its_sense(o
 
 @pytest.mark.soak
 def test_a_light_propeller_flies_in_finer_steps_and_one_without_inertia_diverges(own, surveyed):
-    heavier, found = (surveyed(own(power=1500, ixx=ixx)) for ixx in (5e-4, 1e-4))
+    heavier, found = (surveyed(own(*flown_by(), power=1500, ixx=x)) for x in (5e-4, 1e-4))
 
     assert "inner_loop_rate_hz" not in heavier.tables
     assert found.tables["inner_loop_rate_hz"] == 400.0
@@ -236,7 +236,7 @@ def test_a_light_propeller_flies_in_finer_steps_and_one_without_inertia_diverges
     assert found.spare_thrust == pytest.approx(heavier.spare_thrust, rel=1e-6)
     assert 0.0 < found.spare_thrust < 1500.0 / found.V_a / W
     with pytest.raises(ft.loop.PlantError, match="propeller diverges: "):
-        surveyed(own(power=1500, ixx=0))
+        surveyed(own(*flown_by(), power=1500, ixx=0))
 
 
 WEIGHT, AREA = r"(<emptywt.*?>)[^<]*", r"(<wingarea.*?>)[^<]*"

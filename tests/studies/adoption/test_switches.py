@@ -110,12 +110,28 @@ def says(found, values):
 
 
 NOW = "mode", "compared", "table", "smoothed", "beside harm"
+MORE = (
+    "product",
+    "a function before",
+    "switch",
+    "volts",
+    "below zero",
+    "gain",
+    "pid",
+    "two in series",
+)
 AXES = {kind: [*POSITIONS][i % 3] for i, kind in enumerate(GATES)}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "kind", [pytest.param(x, marks=[pytest.mark.soak] * (x not in NOW)) for x in GATES]
+    "kind",
+    [
+        pytest.param(
+            x, marks=[pytest.mark.soak] * (x not in NOW) + [pytest.mark.counts] * (x in MORE)
+        )
+        for x in GATES
+    ],
 )
 def test_a_command_behind_switches_is_that_of_the_aircraft_with_them_on(gated, kind):
     gate, values = GATES[kind]
@@ -255,7 +271,7 @@ LATE = (
 @pytest.mark.parametrize(
     "test",
     [
-        pytest.param(test, marks=pytest.mark.soak if i else pytest.mark.slow)
+        pytest.param(test, marks=pytest.mark.counts if i else pytest.mark.slow)
         for i, test in enumerate(LATE)
     ],
 )
