@@ -529,7 +529,8 @@ class _Model:
     @property
     def zeros(self) -> list[str]:
         """Properties of another simulator that are 0 by default and not by a given value."""
-        known = (*self.tables["linked"], *self.taken, *self.values)
+        lever = self.tables["engines"].get("command")
+        known = (lever, *self.tables["linked"], *self.taken, *self.values)
         declared = self.tables["declared"].items()
         zeros = (name for name, value in declared if not value and name not in known)
         return [name for name in zeros if not name.startswith("ft/")]

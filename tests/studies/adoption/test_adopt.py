@@ -371,7 +371,7 @@ def test_a_second_adoption_that_is_refused_or_killed_leaves_one_aircraft(adopted
     out = tmp_path / "out"
     command = "adopt", "J3Cub", "--out", out
     kinds = set()
-    for end in each_end(out, before, command, ("SIGKILL", "SIGTERM"), 37):
+    for end in each_end(out, before, command, ("SIGKILL", "SIGTERM"), 90):
         now = {x: sha for x, sha in end["settled"].items() if not x.startswith(".flighttune-")}
         assert now.keys() == old.keys()
         assert now.pop("notes.txt") == old["notes.txt"]
