@@ -120,13 +120,10 @@ CHANGES = [
     (("claim", "envelope", "gamma"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
     (("claim", "envelope", "gamma"), lambda gamma: [-0.3, gamma[1]], "a of the envelope"),
     (("claim", "envelope", "phi"), lambda phi: [-0.36, phi[1]], "b1 of the envelope"),
-    (("claim", "envelope", "phi"), lambda phi: [phi[0], 0.36], "b2 of the envelope"),
     (("claim", "envelope", "phi"), lambda phi: [phi[0], 0.36], "b3 of the envelope"),
     (("claim", "envelope", "n_z"), lambda n_z: [n_z[0], 1.31], "b2 of the envelope"),
     (("claim", "g"), lambda g: 9.82, "g/V of the envelope"),
     (("claim", "g"), lambda g: 9.80, "g/V of the envelope"),
-    (("Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
-    (("W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
     (("multiplier",), lambda a: 1.1 * a, "A W + W A' + a W"),
     (("multiplier",), lambda a: 0.9 * a, "A W + W A' + a W"),
     (("gains", "K_I", 0), lambda row: [1.1 * row[0], row[1]], "at vertex"),
@@ -160,7 +157,7 @@ def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
 
 
 @pytest.mark.soak
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     key=st.sampled_from(["Q", "W"]),
     row=st.integers(0, 3),

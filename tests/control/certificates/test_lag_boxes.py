@@ -54,7 +54,7 @@ def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_conditions():
     model, certificate = ft.loop.load_identified("aerosonde"), over_conditions()
 

@@ -58,6 +58,11 @@ def certified(name):
     return ft.certify(*LOOPS[name], L_d=L_D)
 
 
+@cache
+def valid(name):
+    return ft.verify(certified(name).certificate).valid
+
+
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_certificate_of_any_loop_says_what_its_eigenvalues_say(name, tmp_path):
     model, gains = LOOPS[name]
@@ -120,7 +125,7 @@ def test_a_claim_of_any_loop_is_as_strong_as_it_can_be_and_not_to_be_forged(name
 
     refused = ft.verify(replace(whole, **forged))
 
-    assert ft.verify(whole).valid
+    assert valid(name)
     assert not refused.valid
 
 

@@ -86,7 +86,7 @@ def test_the_enclosure_agrees_with_a_quadrature(seed, n):
     assert upper == pytest.approx(lower, rel=CLOSED_FORM, abs=CLOSED_FORM * total.max())
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_loop_whose_slowest_mode_outlasts_its_fastest_ones_steps_is_refused():
     with pytest.raises(ft.InputError, match=r"must decay within \d+ steps"):
         enclosed([[-1e-6, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]])

@@ -146,7 +146,7 @@ def test_the_balls_of_the_paper_have_a_disturbance(L_d):
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=15)
 @given(
     name=st.sampled_from(sorted(FLIGHTS)),
     seed=st.integers(0, 2**32),

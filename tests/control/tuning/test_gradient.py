@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fuzzing import slow
 from printed import lagged
 
 import flighttune as ft
@@ -17,9 +16,8 @@ FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0, seed=seed))
+def test_the_optimum_for_an_i_star_of_5_is_found_from_every_start(model):
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.53976, abs=FIFTH_DIGIT)
@@ -51,9 +49,8 @@ def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
     )
 
 
-@pytest.mark.parametrize("seed", [0, *slow(1)])
-def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed, seed):
-    found = ft.tune(replace(printed, seed=seed))
+def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed):
+    found = ft.tune(printed)
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(67.15, abs=5e-3)
@@ -64,14 +61,13 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("factor", "R_K"), [(7.0, 0.526), (8.0, 0.540)])
-def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
-    wider = relaxed(printed, factor)
+def test_relaxed_limits_cost_what_they_are_known_to(printed):
+    wider = relaxed(printed, 7.0)
 
     found = ft.tune(wider)
 
     assert found.status == "optimal"
-    assert found.R_K == pytest.approx(R_K, abs=5e-4)
+    assert found.R_K == pytest.approx(0.526, abs=5e-4)
     assert found.I_K <= 5.0
     assert wider.slack(found.gains.K.ravel()).min() >= 0.0
 
