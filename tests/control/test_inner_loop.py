@@ -38,6 +38,19 @@ def test_bandwidth_is_where_half_the_power_is_lost(order, damping, bandwidth):
     assert lag.bandwidth == pytest.approx(bandwidth, rel=1e-9)
 
 
+FIRST = ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=0.3)
+
+
+@pytest.mark.parametrize(
+    ("lag", "seconds"), [(FIRST, 0.2 + 0.3), (SLOW, 1.4 / 6.0), (FAST, 0.8 / 12.0 + 0.1 + 0.05)]
+)
+def test_a_ramp_is_followed_late_by_all_lags_and_the_delay(lag, seconds):
+    """That is the slope of the phase at low frequencies."""
+    assert lag.whole == pytest.approx(seconds)
+    assert -np.angle(lag.response(1e-4)) / 1e-4 == pytest.approx(seconds, rel=1e-6)
+    assert lag.delayed(0.07).whole == pytest.approx(seconds + 0.07)
+
+
 @pytest.mark.parametrize(
     ("made", "words"),
     [

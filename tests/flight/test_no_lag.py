@@ -61,7 +61,7 @@ def test_behind_a_lag_the_feedback_is_flown():
     lagged = {"kind": "point_mass_lag", "roll_lag_rad_s": 6.0, "n_z_lag_rad_s": 4.0}
     tables = ft.load_scenario("level_turn").as_dict()
     tables |= {"law": ["exact"], "plant": [lagged], "expect": []}
-    tables["flight"]["duration_s"] = 1.0
+    tables["flight"]["duration_s"] = 4.0
     fed, plain = (
         ft.fly(ft.scenario_from({**tables, "gains": [steep(k)]})).runs[0]
         for k in ([0.4, 0.3], [0.0, 0.0])

@@ -8,6 +8,7 @@ import pytest
 from forging import Opened
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from made_up import made_up_scenario
 from made_up_tubes import tube
 from places import SHIPPED_AIRCRAFT
 from printed import A_K, L_D, MODEL, E
@@ -206,6 +207,35 @@ def test_what_cannot_be_proven_is_refused_with_a_reason(made, why):
     assert (refused.status, refused.certificate) == ("refused", None)
     assert why in refused.reason
     assert refused.values["rate"] is None
+
+
+@pytest.mark.slow
+def test_of_an_envelope_that_is_too_wide_the_largest_provable_part_is_told():
+    factor = over(WIDE, ft.PAPER_GAINS).largest_factor
+    trim = dict(zip(WIDE, (25.0, 15.0, 0.0, np.cos(GAMMA)), strict=True))
+
+    def part(share):
+        ranges = {key: [trim[key] + share * (x - trim[key]) for x in WIDE[key]] for key in WIDE}
+        return over(ranges, ft.PAPER_GAINS).status
+
+    assert 0.0 < factor < 1.0
+    assert [part(factor), part(1.01 * factor)] == ["certified", "refused"]
+
+
+def test_the_disturbance_of_a_scenario_counts_by_the_largest_norm_of_its_derivative():
+    """Of channels a quarter period apart the larger one, of two frequencies by Pythagoras."""
+    swing = {"chi_amplitude": 0.02, "gamma_amplitude": 0.03}
+    rows = [
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.5}, 0.015),
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.4}, np.hypot(0.01, 0.012)),
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.5, "chi_phase_deg": 90.0},
+         np.hypot(0.01, 0.015)),
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.4, "wave": "square"}, None),
+    ]  # fmt: skip
+    for table, L_d in rows:
+        made = made_up_scenario(disturbance=swing | table)
+        claim = ft.certify(made, "paper").certificate.claim
+        assert claim.L_d == (L_d and pytest.approx(L_d))
 
 
 @pytest.mark.parametrize(

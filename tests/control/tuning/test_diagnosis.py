@@ -1,5 +1,6 @@
 """Why the printed problem is infeasible, held against tuning at the factors diagnosed."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -96,6 +97,37 @@ def test_gains_that_no_bound_allows_have_no_cost_either():
     assert found.status == "infeasible"
     assert "`I_star` must be at least 10.8" in found.reason
     assert radius(4.0) == pytest.approx(10.8, abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_scenario_that_its_limits_make_infeasible_says_which_and_by_how_much():
+    """In a decoupled climb the course needs an integral gain that its roll rate does not allow."""
+    limits = {"phi_deg": [-60.0, 60.0], "phi_rate_dps": 20.0, "n_z": [-3.0, 4.0]}
+    changes = {f"limits.{key}": value for key, value in limits.items()}
+    changes |= {"limits.n_z_rate_per_s": 9.0, "tuning.I_star": 8.0, "tuning.structure": "decoupled"}
+
+    tuned = ft.tune("paper", changes=changes | {"tuning.input_limits": True}, starts=1)
+
+    found, model, near = tuned.diagnosis, tuned.problem.model, {"rel": 1e-5}
+    K, x_0 = found.gains.K, tuned.problem.x_0
+    at_start, rates = K @ np.append(x_0, 0.1 * x_0), K[:, 2:] @ x_0
+    assert tuned.status == "infeasible"
+    assert found.binding == ("phi_rate_min",)
+    assert -rates[0] == pytest.approx(found.common_factor * math.radians(20.0), **near)
+    loop = ft.loop.indicators(ft.loop.closed_loop(model, found.gains))
+    assert loop.I_K == pytest.approx(8.0, **near)
+    rows = {row["name"]: row for row in found.limits}
+    assert found.limits[0]["name"] == "phi_rate"
+    assert rows["phi_rate"]["use"] == pytest.approx(found.common_factor, **near)
+    assert rows["phi"]["use"] == pytest.approx(-at_start[0] / math.radians(60.0), **near)
+    assert rows["n_z"]["use"] == pytest.approx(-at_start[1] / 3.0, **near)
+    assert rows["n_z_rate"]["use"] == pytest.approx(-rates[1] / 9.0, **near)
+    assert found.smallest_I_K == tuned.smallest_I_K == pytest.approx(tuned.I_K, **near)
+    # without the limit in the way the bound is met; without another it is not
+    assert rows["phi_rate"]["smallest_I_K_without"] < 8.0 < rows["phi"]["smallest_I_K_without"]
+    assert 1.0 < found.common_factor <= rows["phi_rate"]["factor_alone"] < math.inf
+    assert {rows[name]["factor_alone"] for name in ("phi", "n_z", "n_z_rate")} == {math.inf}
+    assert 0.0 < found.largest_R_K < 0.54
 
 
 @pytest.fixture(scope="module")

@@ -55,14 +55,17 @@ def tuned(*rates, **tuning):
 
 
 @pytest.mark.slow
-def test_the_rates_of_the_commands_are_at_their_bounds_which_are_named():
-    rates = 4.0, 0.2
-    result = tuned(*rates)
+@pytest.mark.parametrize(("bounds", "held"), [((4.0, 0.2), [0, 1]), ((3.0, 0.5), [0])])
+def test_the_rates_of_the_commands_are_at_their_bounds_which_are_named(bounds, held):
+    result = tuned(*bounds)
     roll, lift = result.in_noise.rates
+    shares = np.array([roll / DEG, lift]) / bounds
 
-    assert (roll / DEG, lift) == pytest.approx(rates, rel=HELD)
+    assert shares[held] == pytest.approx(1.0, rel=HELD)
+    assert (shares <= 1.0 + HELD).all()
     assert "command_rate" in result.active
-    assert any("100% and 100% of their bounds" in note for note in result.answer().notes)
+    percents = "% and ".join(f"{100.0 * share:.0f}" for share in shares)
+    assert any(f"{percents}% of their bounds" in note for note in result.answer().notes)
 
 
 @pytest.mark.soak

@@ -1,5 +1,8 @@
 """References and disturbances at times whose value is plain."""
 
+import math
+import re
+
 import numpy as np
 import pytest
 from made_up import scenario_tables
@@ -80,3 +83,52 @@ def test_the_steepest_path_angle_may_be_at_a_break_at_the_end_or_just_before_a_j
     time, angle = steepest(ramp | {"rate_dps": 4.0}, drop | {"change_deg": -11.0})
     assert (time, angle) == (pytest.approx(3.0), pytest.approx(10.0))
     assert time < 3.0
+
+
+RAMP = {"shape": "ramp", "start_s": 0.5, "duration_s": 2.0, "rate_dps": 6.0, "roll_in_s": 0.6}
+LAGGED = {"kind": "point_mass_lag", "roll_lag_rad_s": 5.0, "n_z_lag_rad_s": 8.0}
+
+
+@pytest.mark.parametrize(
+    ("plant", "leads"),
+    [({"kind": "kinematic"}, (0.0, 0.0)), (LAGGED | {"n_z_delay_s": 0.05}, (0.2, 0.175))],
+)
+def test_the_rates_of_a_ramp_that_rolls_in_lead_by_the_lags_and_half_a_sample(plant, leads):
+    told = []
+
+    class Listens:
+        dt, signals = 0.02, {}
+
+        def __init__(self, _):
+            pass
+
+        def start(self, condition):
+            told.clear()
+
+        def step(self, measured, reference, t):
+            told.append((t, reference.chi_dot, reference.gamma_dot))
+            return 0.0, 1.0
+
+    turn = {"chi_deg": [RAMP], "gamma_deg": [RAMP | {"rate_dps": -2.0}]}
+    limits = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 40.0, "n_z": [0.5, 1.5]}
+    limits |= {"n_z_rate_per_s": 1.0}
+    made = scenario_tables(flight={"duration_s": 1.5}, reference=turn, plant=[plant], limits=limits)
+    ft.fly(ft.scenario_from(made), laws={"own": Listens})
+
+    t, *rates = np.array(told).T
+    for found, rate, lead in zip(rates, (6.0, -2.0), leads, strict=True):
+        share = np.clip((t + lead + 0.01 - 0.2) / 0.6, 0.0, 1.0)  # half of it before the ramp
+        assert np.degrees(found) == pytest.approx(rate * share, abs=1e-9)
+
+
+def test_a_ramp_that_rolls_in_too_fast_is_refused_with_the_time_that_suffices():
+    """6 deg/s at 25 m/s take a lift of V/g times the rate, which roll reaches at its rate."""
+    limits = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 20.0, "n_z": [0.5, 1.5]}
+    ramp = RAMP | {"roll_in_s": 0.1}
+    made = scenario_tables(reference={"chi_deg": [ramp]}, limits=limits | {"n_z_rate_per_s": 1.0})
+    least = math.radians(6.0) * 25.0 / 9.81 / math.radians(20.0)
+
+    with pytest.raises(ft.InputError, match="`roll_in_s` must be at least") as refused:
+        ft.fly(ft.scenario_from(made))
+    (said,) = re.findall(r"at least ([\d.]+) s", str(refused.value))
+    assert least <= float(said) < least + 0.001
