@@ -87,6 +87,25 @@ def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope, tmp_path)
 
 
 @pytest.mark.slow
+def test_the_polytope_of_an_envelope_has_the_ends_worked_out_by_hand(over_envelope):
+    """The sine grows, the cosine is largest at zero roll, the lift at ends of both its factors."""
+    hull, claim, roll = over_envelope.certificate.hull, over_envelope.certificate.claim, np.pi / 9.0
+
+    assert hull.factor == pytest.approx((G / 28.0, G / 22.0), rel=1e-12)
+    lower = [-np.sin(np.pi / 12.0), 1.0, -1.3 * np.sin(roll), np.cos(roll)]
+    upper = [np.sin(np.pi / 4.0), np.cos(roll) ** -2, 1.3 * np.sin(roll), 1.0]
+    assert hull.lower == pytest.approx(lower, rel=1e-12)
+    assert hull.upper == pytest.approx(upper, rel=1e-12)
+    assert (hull.lower < lower).all()  # rounded outward
+    assert (hull.upper > upper).all()
+    for ends in ("22..28", "-15..45", "-20..20", "0.8..1.3"):
+        assert ends in claim.place
+    aside = over(RANGES | {"phi_deg": [0, 20], "n_z": [0.9, 1.3]}).certificate.hull
+    assert (aside.lower[2], aside.upper[2]) == pytest.approx((0.0, 1.3 * np.sin(roll)), abs=1e-12)
+    assert (aside.lower[1], aside.upper[3]) == pytest.approx((1.0, 1.0), rel=1e-12)
+
+
+@pytest.mark.slow
 def test_one_common_q_holds_at_conditions_drawn_from_the_envelope(over_envelope):
     certificate = over_envelope.certificate
     Q, W, a = certificate.Q, certificate.W, certificate.multiplier
