@@ -171,17 +171,8 @@ def test_a_key_changes_the_flight_of_a_law_which_another_class_flies_to_the_bit(
     assert_flown(LAG, key, *ON_LAWS[key])
 
 
-QUICK = "disturbance"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "key",
-    [
-        *(pytest.param(x, marks=[pytest.mark.soak] * (x != QUICK)) for x in ON_AIRCRAFT),
-        *(pytest.param(x, marks=pytest.mark.soak) for x in ALONE),
-    ],
-)
+@pytest.mark.soak
+@pytest.mark.parametrize("key", [*ON_AIRCRAFT, *ALONE])
 def test_a_key_changes_the_flight_of_an_aircraft_which_its_compiled_form_flies_to_the_bit(
     compiled, key
 ):

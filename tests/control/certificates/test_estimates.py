@@ -49,7 +49,7 @@ def responses(certificate):
     ("scenario", "name", "changes"),
     [
         ("paper", "paper", {"flight__V_a_mps": 40.0, "controller__rate_hz": 20.0}),
-        pytest.param("mission", "exact:tuned_fed_back", IDENTIFIED, marks=pytest.mark.soak),
+        pytest.param("mission", "exact:tuned_fed_back", IDENTIFIED, marks=pytest.mark.counts),
     ],
 )
 @pytest.mark.slow
@@ -95,7 +95,7 @@ def test_two_real_poles_by_their_residues(K_P, K_I):
     assert np.fliplr(gains).diagonal() == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_answer_bounds_the_true_error_by_three_deviations_of_the_estimate():
     """0.0657 m/s across at 25 m/s is 0.15 deg, by the covariance recursion of the navigation."""
     certification = certified("mission", "exact:tuned_fed_back", tuning__model="identified")

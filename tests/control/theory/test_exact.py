@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
@@ -56,7 +56,7 @@ def test_the_hilbert_matrix_of_order_12_is_definite_up_to_the_last_bit_of_its_la
     assert not positive_definite(hilbert)
 
 
-@pytest.mark.soak
+@settings(max_examples=15)
 @given(angles)
 def test_sine_and_cosine_lie_in_narrow_intervals_whose_squares_add_up_to_one(angle):
     both = sine(angle), cosine(angle)

@@ -38,7 +38,7 @@ def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
 
 @pytest.mark.soak
 def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.8))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.8), starts=1)
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
@@ -84,15 +84,6 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not():
     )
 
 
-@pytest.mark.soak
-def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed():
-    coupled = ft.tune(ft.loop.TuningProblem(model=lagged(), seed=1))
-    own = ft.tune(ft.loop.TuningProblem(model=lagged(), K_fixed=DECOUPLED))
-
-    assert coupled.gains.K == pytest.approx(own.gains.K, abs=FLAT)
-    assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
-
-
 def test_a_channel_that_the_rate_leaves_open_has_the_smallest_trace_of_q():
     """For ``e'' + p e' + q e = 0`` it is ``(2 + q + 1/q) / (2 p) + p / (2 q)``, least at ``q + 1``.
 
@@ -136,7 +127,7 @@ def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
 
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=8.0, scaling=scaling))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=8.0, scaling=scaling), starts=1)
 
     again = ft.loop.indicators(ft.loop.closed_loop(model, found.gains), scaling=scaling)
     assert (found.R_K, found.I_K) == (again.R_K, again.I_K)
