@@ -25,11 +25,11 @@ def tuned(objective, sensitivity_max=1.4, *, feedback=True):
     return ft.tune(scenario(**keys), starts=3)
 
 
-def lags():
+def lags(omega=OMEGA):
     """The identified lags with half a sample, as the delay of a first-order Pade section."""
     found = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
     for lag in found:
-        h, s = lag.delay + 0.01, 1j * OMEGA
+        h, s = lag.delay + 0.01, 1j * omega
         w, z = lag.natural_frequency, lag.damping
         pade = (1.0 - s * h / 2.0) / (1.0 + s * h / 2.0)
         yield pade * w * w / (s * s + 2.0 * z * w * s + w * w) / (1.0 + s * lag.lag)
@@ -53,6 +53,20 @@ def test_the_largest_sensitivity_at_the_commands_is_at_most_the_bound_and_named(
     assert result.sensitivity == pytest.approx(max(peaks), rel=1e-3)
     assert result.active == ("sensitivity",)
     assert any("its bound of 1.4 holds the gains" in note for note in result.answer().notes)
+
+
+@pytest.mark.slow
+def test_errors_in_gusts_are_those_of_the_spectrum_of_dryden():
+    """``e = -d / (1 + L)`` but for what the feedback of d' adds, of ``(1 + 3 x) / (1 + x)^2``."""
+    result, omega = tuned("rms"), np.geomspace(1e-5, 1e4, 100_000)
+    for i, lag in enumerate(lags(omega)):
+        s, K_P, K_I = 1j * omega, result.gains.K_P[i, i], result.gains.K_I[i, i]
+        k, x = result.gains.feedback[i], (omega / result.problem.gusts[i]) ** 2
+        a = (1.0 + k) * (K_P + K_I / s)
+        error = lag / s * (a + k * s) / (1.0 + a * lag / s + k * lag) - 1.0
+        density = (1.0 + 3.0 * x) / (1.0 + x) ** 2
+        share = np.trapezoid(np.abs(error) ** 2 * density, omega) / np.trapezoid(density, omega)
+        assert result.errors_in_gusts[i] == pytest.approx(np.sqrt(share), rel=1e-3)
 
 
 @pytest.mark.slow
