@@ -5,6 +5,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from geographiclib.geodesic import Geodesic
 
 import flighttune as ft
 
@@ -112,3 +113,10 @@ def route_of(points, able=ABILITY, **route):
 def plan(points, able=ABILITY, **route):
     """The path of such a route."""
     return route_of(points, able, **route).reference.path
+
+
+def metres(lat, lon, origin=HOME):
+    """North and east of a place, m, by distance and azimuth of its geodesic."""
+    line = Geodesic.WGS84.Inverse(*origin[:2], lat, lon)
+    azimuth = math.radians(line["azi1"])
+    return line["s12"] * math.cos(azimuth), line["s12"] * math.sin(azimuth)

@@ -373,57 +373,91 @@ def test_what_is_no_fence_is_refused_in_one_line_that_names_its_file(tmp_path, m
     assert len(said.splitlines()) == 1
 
 
-KEYS = {
-    "route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 150.0)],
-    "route.lat_deg": 47.0,
-    "route.lon_deg": 8.0,
-    "flight.duration_s": 12.0,
-}
+def counted(band, *rings, **properties):
+    """How many flights of the band leave a fence about its start, and the nearest place to it."""
+    closed = [[x[::-1] for x in degrees(*ring, ring[0], origin=(47.4, 8.5))] for ring in rings]
+    geometry = {"type": "Polygon", "coordinates": closed}
+    found = band.inside({"type": "Feature", "properties": properties, "geometry": geometry})
+    return found, found.nearest[0]
 
 
-@pytest.fixture(scope="module")
-def band():
-    """22 flights of a leg of 150 m, of which none strays by more than some metres."""
-    drawn = ft.flights("circuit", changes=KEYS).starting(2.0)
-    return ft.band(drawn, plant="kinematic", epsilon=0.1, confidence=0.9, learn=10, workers=1)
+def about(left, right, ends=(-50.0, 250.0)):
+    return ((ends[0], -left), (ends[0], right), (ends[1], right), (ends[1], -left))
 
 
-@pytest.mark.soak
-def test_flights_are_counted_inside_a_fence_as_wide_as_they_stray_and_outside_of_a_narrower_one(
-    band,
-):
-    """The bound is that of Clopper and Pearson by SciPy."""
-    n, strays = len(band.extremes), band.extremes[:, :, 0]
+def test_flights_are_counted_outside_by_the_bound_of_clopper_and_pearson(band):
+    """By SciPy. A fence of centimetres has all flights outside, one of metres none."""
+    n = len(band.extremes)
     for wide, outside in ((30.0, 0), (0.01, n)):
-        box = ((-50.0, -wide), (-50.0, 2.0 * wide), (250.0, 2.0 * wide), (250.0, -wide))
-        ring = [x[::-1] for x in degrees(*box, box[0])]
-        counted = band.inside({"type": "Polygon", "coordinates": [ring]})
+        found, _ = counted(band, about(wide, 2.0 * wide))
 
-        assert counted.outside == outside
+        assert found.outside == outside
         bound = binomtest(outside, n, alternative="less").proportion_ci(0.9, method="exact").high
-        assert counted.epsilon == pytest.approx(bound if bound < 1.0 else 1.0, rel=1e-9)
-        if wide == 30.0:
-            margin = min(wide + strays.min(), 2.0 * wide - strays.max())
-            assert counted.nearest[0]["margin_m"] == pytest.approx(margin, abs=0.15)
+        assert found.epsilon == pytest.approx(bound if bound < 1.0 else 1.0, rel=1e-9)
 
 
-@pytest.mark.soak
-def test_a_corridor_on_a_map_is_about_the_path_as_wide_as_most_flights_stray(band, tmp_path):
-    band.save(tmp_path / "b.npz")
-    for ending in ("geojson", "kml"):
-        out = tmp_path / f"c.{ending}"
-        said = answer("mission", tmp_path / "b.npz", "--plan", "--out", out)
-        assert said["length_m"] == pytest.approx(150.0)
-    line, *pieces = json.loads((tmp_path / "c.geojson").read_text())["features"]
-    assert line["properties"]["corridor"] == band.sentence
-    assert "Corridor: " in (tmp_path / "c.kml").read_text()
-    windows = [x for x in pieces if x["properties"].get("name") == "corridor"]
-    east = [
-        x["s12"] * math.sin(math.radians(x["azi1"]))
-        for piece in windows
-        for lon, lat in piece["geometry"]["coordinates"][0]
-        for x in [Geodesic.WGS84.Inverse(*ORIGIN, lat, lon)]
-    ]
-    strays = band.extremes[:, :, 0]
-    assert max(east) > np.median(strays.max(axis=(1, 2)))
-    assert min(east) < np.median(strays.min(axis=(1, 2)))
+SPIKE = ((73.0, 9.0), (74.0, 9.0), (73.5, 12.0))
+ROOM = [
+    # rings, properties, by how much the nearest side or height is inside, of what and where
+    ([about(9.0, 30.0)], {}, lambda low, high: 9.0 + low[:, 0].min(), ("left", "edge 4"), None),
+    ([about(30.0, 9.0)], {}, lambda low, high: 9.0 - high[:, 0].max(), ("right", "edge 2"), None),
+    (
+        [about(30.0, 30.0), SPIKE],
+        {},
+        lambda low, high: 9.0 - high[72:75, 0].max(),
+        ("right", "edge 1 of zone 1"),
+        73.0,
+    ),
+    (
+        [about(30.0, 30.0), [(n, -e) for n, e in SPIKE]],
+        {},
+        lambda low, high: 9.0 + low[72:75, 0].min(),
+        ("left", "edge 1 of zone 1"),
+        73.0,
+    ),
+    (
+        [about(30.0, 30.0)],
+        {"max_up_m": 7.0},
+        lambda low, high: 7.0 + low[:, 1].min(),
+        ("up", "ceiling"),
+        None,
+    ),
+    (
+        [about(30.0, 30.0)],
+        {"min_up_m": -7.0},
+        lambda low, high: 7.0 - high[:, 1].max(),
+        ("down", "floor"),
+        None,
+    ),
+    # a side that closes in: 10 m to the right at the start, 4 m less at 150 m
+    (
+        [((-50.0, -30.0), (-50.0, 11.333), (250.0, 3.333), (250.0, -30.0))],
+        {},
+        lambda low, high: (10.0 - (np.arange(150) + 0.5) / 37.5 - high[:, 0]).min(),
+        ("right", "edge 2"),
+        None,
+    ),
+]
+
+
+@pytest.mark.parametrize(("rings", "properties", "left", "of", "along"), ROOM)
+def test_flights_have_the_room_that_their_largest_strays_leave(
+    band, rings, properties, left, of, along
+):
+    """Less than 0.15 m less, by which edges are widened between the points of a path."""
+    low, high = band.extremes.min(axis=(0, 3)), band.extremes.max(axis=(0, 3))
+    found, nearest = counted(band, *rings, **properties)
+
+    assert found.outside == 0
+    assert nearest["margin_m"] == pytest.approx(left(low, high) - 0.07, abs=0.08)
+    assert (nearest["side"], nearest["edge"]) == of
+    assert along is None or nearest["along_m"] == pytest.approx(along, abs=2.0)
+    assert nearest["stretch"] == "leg to waypoint 2"
+
+
+def test_a_path_outside_of_a_fence_counts_from_its_nearest_edge(band):
+    found, nearest = counted(band, about(30.0, 30.0), ((70.0, -5.0), (70.0, 2.0), (80.0, 2.0)))
+
+    assert found.outside == len(band.extremes)
+    assert nearest["margin_m"] < 0.0
+    assert nearest["edge"].endswith("of zone 1")
