@@ -41,14 +41,14 @@ def ground(lat):
     return HOME[2] + SLOPE * (lat - HOME[0])
 
 
-def terrain(path, *, lost=None, units=None, **profile):
-    """A plane that rises to the north, with posts every 0.001 deg; `lost` has no height."""
+def terrain(path, *, lost=None, value=-9999.0, units=None, **profile):
+    """A plane that rises to the north, with posts every 0.001 deg; `lost` has no height, or one."""
     import rasterio  # an extra
 
     north, west, step, size = 47.43, 8.48, 0.001, (50, 60)
     heights = np.tile(ground(north - step * (np.arange(size[0])[:, None] + 0.5)), (1, size[1]))
     if lost is not None:
-        heights[lost] = -9999.0
+        heights[lost] = value
     made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": "EPSG:4326", "nodata": -9999}
     made |= {"height": size[0], "width": size[1], **profile}
     made["transform"] = rasterio.Affine(step, 0.0, west, 0.0, -step, north)
