@@ -262,8 +262,8 @@ READ = [
         "has the height 0, in ArduPilot that",
     ),
     (
-        numbered(*PATROL[:2], PATROL[3], jump(2, 2)),
-        [{"lat_deg": x} for x in (47.41, 47.4) * 3],
+        numbered(*PATROL[:2], PATROL[3], jump(2, 10)),
+        [{"lat_deg": 47.4}, *({"lat_deg": x} for x in (47.41, 47.4) * 11)],
         None,
     ),
     (
@@ -315,7 +315,7 @@ READ = [
     (
         [x | {"params": x["params"][:4], "coordinate": x["params"][4:]} for x in (*PATROL, RETURN)],
         [{"up_m": 30.0}, {"lat_deg": 47.4, "up_m": 30.0}],
-        None,
+        "Item 5 .* ends above home",
     ),
     (
         [*PATROL[:2], PATROL[3] | {"autoContinue": False}],
@@ -328,6 +328,8 @@ READ = [
         "22 m/s by item 2, 20 m/s by item 5, each from its place on",
     ),
     ([*PATROL[:3], SPEED, PATROL[3]], [{"V_mps": 22.0}, {}], "22 m/s by item 4, from its place on"),
+    ([*PATROL[:3], waypoint(47.4, 8.52, 0)], [{"up_m": -60.0}], None),
+    ([*PATROL[:2], waypoint(47.41, 8.50002, 90), PATROL[3]], [{"up_m": 30.0}] * 2, None),
     (
         [PATROL[0], SPEED, *PATROL, item(178, 0, 40, -1, *NO_PLACE, frame=2)],
         [{}],
@@ -346,17 +348,22 @@ def test_items_become_waypoints_and_what_is_not_flown_of_them_is_said(tmp_path, 
     import re
 
     file = plan_file(tmp_path / "m.plan", *items, home=(47.4, 8.5, 480.0))
-    route = Read(file, **AT_ONCE)
+    lower = AT_ONCE | {"flight.ground_m": 400.0}
+    route = Read(file, **lower)
 
     for row, expected in zip(route.rows[-len(last) :], last, strict=True):
         assert {"up_m": 0, **row} | expected == {"up_m": 0, **row}, (row, expected)
     if words:
         assert re.search(words, " ".join(route.notes)), route.notes
+    else:
+        assert not [
+            x for x in route.notes if x[:17] not in ("Flown of the plan", "Turn-arounds at i")
+        ]
     simple = all("command" in x and len(x["params"]) == 7 for x in items)
     # a line of Mission Planner has no height above sea level, and its last column is not read
     if simple and "AMSL" not in str(items) and all(x.get("autoContinue", True) for x in items):
         (tmp_path / "m.waypoints").write_text(as_lines(items))
-        assert Read(tmp_path / "m.waypoints", **AT_ONCE).rows == route.rows
+        assert Read(tmp_path / "m.waypoints", **lower).rows == route.rows
 
 
 SPEEDS = [
@@ -368,6 +375,8 @@ SPEEDS = [
     ((0, 3, -1, 1), "an airspeed of 3 m/s more"),
     ((0, -2, -1, 0), "the default speed of its vehicle"),
     ((0, -1, 40, 0), "a throttle of 40 %"),
+    ((0, -1, 0.5, 0), "a throttle of 0.5 %"),
+    ((1, 0.5, -1, 0), "a ground speed of 0.5 m/s"),
     ((0, -1, -1, 0), ""),
     ((0, -1, 0, 0), ""),
 ]
@@ -446,6 +455,16 @@ def test_an_item_that_cannot_be_flown_is_refused_by_its_number_with_and_without_
     with pytest.raises(ft.InputError, match=says) as refusal:
         read(PATROL[0], whole, *PATROL[2:])
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("count", [5000, 5001])
+def test_a_plan_has_at_most_5000_items(read, count):
+    items = [*PATROL, *[CAMERA] * (count - 4)]
+    if count == 5000:
+        assert read(*items).names == ["item 1", "item 2", "item 3", "item 4"]
+        return
+    with pytest.raises(ft.InputError, match="at most 5000"):
+        read(*items)
 
 
 @pytest.mark.parametrize("key", ["type", "command", "frame", "params"])

@@ -222,6 +222,14 @@ def test_a_fence_of_too_many_vertices_becomes_smaller_and_its_zones_larger(fence
     assert not all(small.buffer(0.9 * lost - 0.2).covers(large) for small, large in pairs)
 
 
+def test_a_fence_of_64_vertices_is_written_as_it_is(fenced_leg):
+    ring = star(47.405, 8.5, 2500.0, 30.0, corners=64)
+    _, written, (said, _) = fenced_leg((True, ring))
+
+    assert polygons(written) == [(True, ring)]
+    assert "vertices and circles" not in said
+
+
 def test_a_fence_that_no_detail_makes_fit_is_written_whole_with_a_word(fenced_leg):
     """22 triangles of 100 m, which have no details to leave out."""
     corners = [(200 * k, 500 + 300 * j) for j in (0, 1) for k in range(11)]
