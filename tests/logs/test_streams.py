@@ -178,17 +178,15 @@ def test_modes_and_states_last_from_the_first_attitude_to_the_last(tmp_path):
     ("streams", "numbers"),
     [
         # a count that starts again does not count
-        (
-            {"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
-            [(4, 10.0)],
-        ),
+        ({"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
+         [(4, 10.0)]),
         ({"clip_y": ([5, 15], [3, 3])}, []),
         ({"vibe_y": ([5, 15, 25], [3, 30, 9])}, [(30,)]),
         ({"vibe_x": ([5, 15], [3, 8]), "vibe_z": ([5, 15], [30.1, 1])}, [(30.1, 30)]),
         ({"fix": ([5, 15, 25, 35], [3, 2, 3, 1])}, [(25.0, 10.0)]),
         ({"fix": ([5, 15], [3, 4])}, []),
     ],
-)
+)  # fmt: skip
 def test_what_sensors_did_wrong_is_said_with_its_first_time(tmp_path, streams, numbers):
     said = events(tmp_path, **streams)["sensors"]
 

@@ -100,47 +100,19 @@ NEAREST = [
     # rings, properties, end of the leg, margin, side, edge, along
     ([BOX], {}, 0.0, 30.0, "left", "edge 4", None),
     ([BOX, SQUARE], {}, 0.0, 25.0, "right", "edge 1 of zone 1", 300.0),
-    (
-        [BOX, ((9, 60), (9, 80), (99, 70)), SQUARE],
-        {},
-        0.0,
-        25.0,
-        "right",
-        "edge 1 of zone 2",
-        300.0,
-    ),
+    ([BOX, ((9, 60), (9, 80), (99, 70)), SQUARE], {}, 0.0, 25.0, "right", "edge 1 of zone 2",
+     300.0),
     ([BOX], {"max_up_m": 25.0}, 16.0, 9.0, "up", "ceiling", 800.0),
     ([BOX], {"min_up_m": -20.0}, -16.0, 4.0, "down", "floor", 800.0),
     ([BOX], {"max_up_m": 10.0}, 16.0, -6.0, "up", "ceiling", 800.0),
-    (
-        [((-50, 0.05), (900, 0.05), (900, -90.0), (-50, -90.0))],
-        {},
-        0.0,
-        0.05,
-        "right",
-        "edge 1",
-        None,
-    ),
-    (
-        [((-50, -0.05), (900, -0.05), (900, 90.0), (-50, 90.0))],
-        {},
-        0.0,
-        0.05,
-        "left",
-        "edge 1",
-        None,
-    ),
+    ([((-50, 0.05), (900, 0.05), (900, -90.0), (-50, -90.0))], {}, 0.0, 0.05, "right", "edge 1",
+     None),
+    ([((-50, -0.05), (900, -0.05), (900, 90.0), (-50, 90.0))], {}, 0.0, 0.05, "left", "edge 1",
+     None),
     # properties of other programs say nothing
-    (
-        [BOX],
-        {"fill": "#f00", "stroke-width": 2, "fid": 7, "OBJECTID": 8, "Name": "x", "title": "a"},
-        0.0,
-        30.0,
-        "left",
-        "edge 4",
-        None,
-    ),
-]
+    ([BOX], {"fill": "#f00", "stroke-width": 2, "fid": 7, "OBJECTID": 8, "Name": "x", "title": "a"},
+     0.0, 30.0, "left", "edge 4", None),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("rings", "properties", "up", "margin", "side", "edge", "along"), NEAREST)
@@ -294,66 +266,45 @@ def test_the_same_fence_is_read_in_every_file_that_holds_one(tmp_path, form):
 AREA = ([(n + 3000.0, e) for n, e in BOX],)
 MANY = [(900.0 * math.cos(0.006 * k), 900.0 * math.sin(0.006 * k)) for k in range(1001)]
 REFUSED = [
-    (
-        lambda p: fence_file(p, [BOX[0], BOX[2], BOX[1], BOX[3]]),
-        "must not cross, got edge 1 and edge 3",
-    ),
-    (
-        lambda p: fence_file(p, BOX, [(0, 20), (0, 60), (9, 60)]),
-        "must not cross, got edge 2 and edge 1 of zone",
-    ),
+    (lambda p: fence_file(p, [BOX[0], BOX[2], BOX[1], BOX[3]]),
+     "must not cross, got edge 1 and edge 3"),
+    (lambda p: fence_file(p, BOX, [(0, 20), (0, 60), (9, 60)]),
+     "must not cross, got edge 2 and edge 1 of zone"),
     (lambda p: fence_file(p, BOX[:2]), "at least three corners, got 2"),
     (lambda p: fence_file(p, [*BOX, (4.5e6, 0.0)]), "latitudes up to 85"),
-    (
-        lambda p: fence_file(p, [*BOX, (math.nan, 0.0)]),
-        "every coordinate must be a number, got nan",
-    ),
+    (lambda p: fence_file(p, [*BOX, (math.nan, 0.0)]),
+     "every coordinate must be a number, got nan"),
     (lambda p: fence_file(p, [(n + 90.0, e) for n, e in BOX]), "the start must be inside"),
-    (
-        lambda p: fence_file(p, BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]),
-        "the start must be inside",
-    ),
+    (lambda p: fence_file(p, BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]),
+     "the start must be inside"),
     (lambda p: fence_file(p, BOX, min_up_m=50.0, max_up_m=-9.0), "got 50 and -9"),
     (lambda p: fence_file(p, BOX, min_up_m=5.0, max_up_m=50.0), "got 5 and 50"),
     (lambda p: fence_file(p, BOX, max_up_m=-5.0), "got -inf and -5"),
     (lambda p: fence_file(p, BOX, min_up_m=0.0, max_up_m=0.0), "got 0 and 0"),
-    (
-        lambda p: fence_file(p, BOX, exclusion=True, max_up_m=50.0),
-        "must be absent of an area to stay out",
-    ),
-    (
-        lambda p: fence_file(p, BOX, exclusion="false"),
-        "`exclusion` must be true or false, got 'false'",
-    ),
+    (lambda p: fence_file(p, BOX, exclusion=True, max_up_m=50.0),
+     "must be absent of an area to stay out"),
+    (lambda p: fence_file(p, BOX, exclusion="false"),
+     "`exclusion` must be true or false, got 'false'"),
     (lambda p: fence_file(p, BOX, max_up_m=math.nan), "`max_up_m` must be a number, got nan"),
     (lambda p: fence_file(p, BOX, max_up_m=50.0, maxAltitude=30.0), "got 'maxAltitude'"),
     (lambda p: fence_file(p, MANY), "at most 1000 edges"),
     (lambda p: plan_with(p, [(True, BOX), (True, *AREA)]), "inside of area 2"),
-    (
-        lambda p: plan_with(p, [(True, BOX), (True, *AREA)], firmwareType=12),
-        "areas .* must overlap",
-    ),
+    (lambda p: plan_with(p, [(True, BOX), (True, *AREA)], firmwareType=12),
+     "areas .* must overlap"),
     (lambda p: plan_with(p, [(True, BOX), (False, BOX)]), "outside of exclusion 1"),
-    (
-        lambda p: plan_with(p, circles=[(True, (400.0, 0.0), -5.0)]),
-        "`radius` of a circle must be positive, got -5",
-    ),
+    (lambda p: plan_with(p, circles=[(True, (400.0, 0.0), -5.0)]),
+     "`radius` of a circle must be positive, got -5"),
     (lambda p: plan_with(p), "must have a Polygon or circle for a fence, got none"),
     (lambda p: plan_with(p, [(True, [])]), "at least three corners, got 0"),
     (lambda p: plan_with(p, [("false", BOX)]), "`inclusion` must be true or false, got 'false'"),
     (lambda p: plan_with(p, circles=[(False, (0, 0), 9.0)] * 334), "at most 1000 edges"),
-    (
-        lambda p: (
-            plan_with(p, geo=0)
-            and p.write_text('{"mission": {}, "geoFence": {"polygons": ""}}')
-            and p
-        ),
-        "must be a list",
-    ),
+    (lambda p: (plan_with(p,
+     geo=0) and p.write_text('{"mission": {}, "geoFence": {"polygons": ""}}') and p),
+     "must be a list"),
     (lambda p: p.write_text('{"mission": {}, "geoFence": false}') and p, "must be an object"),
     (lambda p: planner(p.with_suffix(".waypoints"), (5001, 5, BOX)), "its 5 corners, got 4"),
     (lambda p: p.with_suffix(".xml"), r"must be a plan, .*\.xml"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("make", "says"), REFUSED)
@@ -401,43 +352,18 @@ ROOM = [
     # rings, properties, by how much the nearest side or height is inside, of what and where
     ([about(9.0, 30.0)], {}, lambda low, high: 9.0 + low[:, 0].min(), ("left", "edge 4"), None),
     ([about(30.0, 9.0)], {}, lambda low, high: 9.0 - high[:, 0].max(), ("right", "edge 2"), None),
-    (
-        [about(30.0, 30.0), SPIKE],
-        {},
-        lambda low, high: 9.0 - high[72:75, 0].max(),
-        ("right", "of zone 1"),
-        73.0,
-    ),
-    (
-        [about(30.0, 30.0), [(n, -e) for n, e in SPIKE]],
-        {},
-        lambda low, high: 9.0 + low[72:75, 0].min(),
-        ("left", "of zone 1"),
-        73.0,
-    ),
-    (
-        [about(30.0, 30.0)],
-        {"max_up_m": 7.0},
-        lambda low, high: 7.0 + low[:, 1].min(),
-        ("up", "ceiling"),
-        None,
-    ),
-    (
-        [about(30.0, 30.0)],
-        {"min_up_m": -7.0},
-        lambda low, high: 7.0 - high[:, 1].max(),
-        ("down", "floor"),
-        None,
-    ),
+    ([about(30.0, 30.0), SPIKE], {}, lambda low, high: 9.0 - high[72:75, 0].max(), ("right",
+     "of zone 1"), 73.0),
+    ([about(30.0, 30.0), [(n, -e) for n, e in SPIKE]], {}, lambda low, high: 9.0 + low[72:75,
+     0].min(), ("left", "of zone 1"), 73.0),
+    ([about(30.0, 30.0)], {"max_up_m": 7.0}, lambda low, high: 7.0 + low[:, 1].min(), ("up",
+     "ceiling"), None),
+    ([about(30.0, 30.0)], {"min_up_m": -7.0}, lambda low, high: 7.0 - high[:, 1].max(), ("down",
+     "floor"), None),
     # a side that closes in: 10 m to the right at the start, 4 m less at 150 m
-    (
-        [((-50.0, -30.0), (-50.0, 11.333), (250.0, 3.333), (250.0, -30.0))],
-        {},
-        lambda low, high: (10.0 - (np.arange(150) + 0.5) / 37.5 - high[:, 0]).min(),
-        ("right", "edge 2"),
-        None,
-    ),
-]
+    ([((-50.0, -30.0), (-50.0, 11.333), (250.0, 3.333), (250.0, -30.0))], {}, lambda low,
+     high: (10.0 - (np.arange(150) + 0.5) / 37.5 - high[:, 0]).min(), ("right", "edge 2"), None),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("rings", "properties", "left", "of", "along"), ROOM)
