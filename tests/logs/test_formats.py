@@ -234,13 +234,11 @@ def test_every_unit_that_is_known_has_the_factor_of_its_definition(tmp_path):
 LABELS = [
     (("t", "phi_deg", "V_a_kt", "n_z", "h_ft"), (1.0, si.degree, si.knot, 1.0, si.foot)),
     (("time [s]", "phi [deg]", "V_a[kt]", "n_z [-]", "h_m"), (1.0, si.degree, si.knot, 1.0, 1.0)),
-    (
-        ("timestamp_ms", "phi (°)", "V_a [km/h]", "n_z [g]", "h (cm)"),
-        (1e-3, si.degree, si.kmh, 1.0, 0.01),
-    ),
+    (("timestamp_ms", "phi (°)", "V_a [km/h]", "n_z [g]", "h (cm)"), (1e-3, si.degree, si.kmh, 1.0,
+     0.01)),
     (("t (us)", "phi_rad", "V_a_fps", "n_z (m/s2)", "h [km]"), (1e-6, 1.0, si.foot, 1.0, 1e3)),
     (("time_s ", "phi ", "V_a_kmh ", "n_z ", "h_m "), (1.0, 1.0, si.kmh, 1.0, 1.0)),
-]
+]  # fmt: skip
 FORMS = [
     {},
     {"sep": ";", "decimal": ","},
@@ -507,32 +505,16 @@ def test_columns_and_clocks_that_cannot_be_of_a_flight_are_refused(tmp_path, tab
 @pytest.mark.parametrize(
     ("write", "words"),
     [
-        (
-            lambda p: dataflash(
-                p,
-                {"ATT": (T, {"Roll": T}), "GPS": (T, {"Spd": 20 + 0 * T})},
-                vehicle="ArduCopter V4",
-            ),
-            "without wings .ArduCopter.*no airspeed",
-        ),
-        (
-            lambda p: tlog(p, {"ATTITUDE": (T, {}), "VFR_HUD": (T, {"airspeed": 9 + 0 * T})}, 13),
-            "without wings .type 13.*no roll commands",
-        ),
-        (
-            lambda p: ulog(
-                p,
-                {
-                    "vehicle_attitude": (T, {"q": np.eye(4)[[0] * 150]}),
-                    "vehicle_status": (T, {"vehicle_type": 1 + 0 * T}),
-                },
-            ),
-            "without wings .type 1 of PX4",
-        ),
+        (lambda p: dataflash(p, {"ATT": (T, {"Roll": T}), "GPS": (T, {"Spd": 20 + 0 * T})},
+         vehicle="ArduCopter V4"), "without wings .ArduCopter.*no airspeed"),
+        (lambda p: tlog(p, {"ATTITUDE": (T, {}), "VFR_HUD": (T, {"airspeed": 9 + 0 * T})}, 13),
+         "without wings .type 13.*no roll commands"),
+        (lambda p: ulog(p, {"vehicle_attitude": (T, {"q": np.eye(4)[[0] * 150]}),
+         "vehicle_status": (T, {"vehicle_type": 1 + 0 * T})}), "without wings .type 1 of PX4"),
         (lambda p: p.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(3)) and p, "ULog log, got a dam"),
         (lambda p: p.write_text("t,phi\n0,0\n") and p, "must be a ULog .*got another file"),
     ],
-)
+)  # fmt: skip
 def test_a_vehicle_without_wings_and_another_file_are_refused(tmp_path, write, words):
     with pytest.raises(ft.RecordingError, match=words):
         ft.load_log(write(tmp_path / "x.dat"))

@@ -101,6 +101,19 @@ def test_angles_between_samples_take_the_shorter_way_and_gaps_are_empty(tmp_path
     assert V_a[~gap] == pytest.approx(run.t[~gap])
 
 
+def test_a_signal_lasts_half_a_gap_beyond_its_ends(tmp_path):
+    """Roll at 8 Hz for 60 s, and a speed once a second from 10 s to 50 s: a gap is over 4 s."""
+    t = 0.125 * np.arange(481)
+    there = (t % 1.0 == 0.0) & (t >= 10.0) & (t <= 50.0)
+    table = {"t": t, "phi": 0.1 * np.sin(t), "V_a": np.where(there, 10.0 + t, np.nan)}
+
+    V_a = csv(tmp_path, table).signals["V_a"].to_numpy()
+
+    inside = (t >= 8.0) & (t <= 52.0)
+    assert np.isfinite(V_a).tolist() == inside.tolist()
+    assert V_a[inside] == pytest.approx(10.0 + t[inside].clip(10.0, 50.0))
+
+
 @pytest.mark.parametrize("lengths", [10, 25])
 def test_a_table_that_repeats_a_slow_signal_is_a_line_between_its_new_values(tmp_path, lengths):
     """Rows at 10 Hz with a height once a second; a command is held until it changes.
@@ -165,17 +178,15 @@ def test_modes_and_states_last_from_the_first_attitude_to_the_last(tmp_path):
     ("streams", "numbers"),
     [
         # a count that starts again does not count
-        (
-            {"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
-            [(4, 10.0)],
-        ),
+        ({"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
+         [(4, 10.0)]),
         ({"clip_y": ([5, 15], [3, 3])}, []),
         ({"vibe_y": ([5, 15, 25], [3, 30, 9])}, [(30,)]),
         ({"vibe_x": ([5, 15], [3, 8]), "vibe_z": ([5, 15], [30.1, 1])}, [(30.1, 30)]),
         ({"fix": ([5, 15, 25, 35], [3, 2, 3, 1])}, [(25.0, 10.0)]),
         ({"fix": ([5, 15], [3, 4])}, []),
     ],
-)
+)  # fmt: skip
 def test_what_sensors_did_wrong_is_said_with_its_first_time(tmp_path, streams, numbers):
     said = events(tmp_path, **streams)["sensors"]
 
