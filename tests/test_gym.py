@@ -65,7 +65,7 @@ def test_the_law_has_gains_tuned_for_the_aircraft_where_others_are_listed_before
     assert actions[None] == actions[FED] != actions["exact:paper"]
 
 
-@pytest.mark.parametrize("world", ["mission", *slow("circuit_in_wind", "speed_change_in_turn")])
+@pytest.mark.parametrize("world", ["mission", *slow("speed_change_in_turn")])
 def test_it_keeps_the_rules_of_gymnasium(world):
     with warnings.catch_warnings():
         # commands are in their units, and no error of a flight has a bound

@@ -109,7 +109,8 @@ def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
 
 @pytest.mark.slow
 def test_the_aircrafts_own_limits_hold_on_every_rung():
-    gap = ft.gap(changed("paper", limits={}), ft.PAPER_GAINS)
+    flight = ft.load_scenario("paper").as_dict()["flight"] | {"duration_s": 4.0}
+    gap = ft.gap(changed("paper", limits={}, flight=flight), ft.PAPER_GAINS)
 
     for rung in gap.runs:
         phi_cmd = rung.signals["phi_cmd"].to_numpy()

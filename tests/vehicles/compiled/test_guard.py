@@ -77,8 +77,11 @@ def test_a_step_is_read_by_others_and_made_anew_if_it_is_damaged_or_forged(copie
     assert file.read_bytes() == kept
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("damage", DAMAGES[1:])
+@pytest.mark.parametrize(
+    "damage",
+    [pytest.param(x, marks=pytest.mark.counts) for x in DAMAGES[1:-1]]
+    + [pytest.param(DAMAGES[-1], marks=pytest.mark.soak)],
+)
 def test_so_it_is_for_every_damage(damage, copies, empty_cache):
     assert refused(copies()) == ""
     (file,) = steps_in(empty_cache)
@@ -101,7 +104,7 @@ CHANGES = [
 @pytest.mark.parametrize(
     "change",
     [
-        pytest.param(x, marks=pytest.mark.slow if x is CHANGES[0] else pytest.mark.soak)
+        pytest.param(x, marks=pytest.mark.slow if x is CHANGES[0] else pytest.mark.counts)
         for x in CHANGES
     ],
 )
@@ -198,14 +201,14 @@ def test_every_key_of_a_fault_is_tried():
     assert FAULT.keys() == off_nominal(fault=FAULT).fault.model_dump().keys()
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("key", [*FAULT][3:])
 def test_a_check_does_not_wait_for_what_comes_in_flight(key, copies):
     assert why_not(copies(), fault={"from_s": 1.0, key: FAULT[key]}) == ""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ended_by", ["cut", "thrust"])
+@pytest.mark.parametrize("ended_by", ["cut", pytest.param("thrust", marks=pytest.mark.counts)])
 def test_nor_for_what_ends(ended_by, copies):
     assert why_not(copies(), fault=FAULT | {"ended_by": ended_by}) == ""
 
@@ -226,8 +229,10 @@ def on_a_leg(text):
     return text.replace("<ground_reactions/>", LEG)
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("low_first", [True, False])
+@pytest.mark.parametrize(
+    "low_first",
+    [pytest.param(True, marks=pytest.mark.soak), pytest.param(False, marks=pytest.mark.counts)],
+)
 def test_a_difference_is_kept_for_the_case_it_was_seen_in_alone(low_first, tmp_path, empty_cache):
     """JSBSim moves the spring of a leg in a check near the ground, and in no other."""
     names = ("low", "high") if low_first else ("high", "low")

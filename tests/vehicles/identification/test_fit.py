@@ -45,15 +45,13 @@ def test_the_lag_that_made_the_data_is_found(lag):
     assert share == pytest.approx(100.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-@pytest.mark.parametrize("delay", [0.0, 0.02, 0.033, 0.0056])
-@pytest.mark.slow
+@pytest.mark.parametrize(("order", "delay"), [(1, 0.02), (2, 0.0056), (3, 0.033)])
 def test_a_lag_answers_held_commands_as_scipy_has_it(order, delay):
     """Delays are whole steps of 0.2 ms, over which SciPy's answer to held commands is exact."""
     lag = ft.loop.InnerLag(order=order, natural_frequency=6.0, damping=0.4, lag=0.15, delay=delay)
     poles = [1.0, 6.0] if order == 1 else [1.0, 2.0 * 0.4 * 6.0, 36.0]
     over = np.polymul(poles, [0.15, 1.0] if order == 3 else [1.0])
-    commanded, fine, start = commands()[:300], 100, 0.7
+    commanded, fine, start = commands()[:150], 100, 0.7
     late = np.repeat(commanded - start, fine)
     late = np.concatenate([np.zeros(round(delay / DT * fine)), late])[: len(late)]
     system = cont2discrete(tf2ss([poles[-1]], over), DT / fine, "zoh")
