@@ -74,6 +74,36 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
     assert gap.residual < ROUNDING
 
 
+def test_the_mismatch_is_what_was_flown_beyond_the_papers_law(paper_gap):
+    signals, found, V_a, g, dt = paper_gap.aircraft.signals, paper_gap.mismatch, 25.0, 9.81, 0.02
+    phi, n_z, gamma = (signals[name].to_numpy() for name in ("phi_cmd", "n_z_cmd", "gamma"))
+    level = 0.5 * (np.cos(gamma[1:]) + np.cos(gamma[:-1]))
+    law = [np.tan(phi[:-1]), n_z[:-1] * np.cos(phi[:-1]) - level]
+    flown = np.diff(signals[["chi", "gamma"]].to_numpy(), axis=0) / dt
+
+    assert found.d == pytest.approx(flown - g / V_a * np.array(law).T, abs=1e-9)
+    assert found.d_dot == pytest.approx(np.diff(found.d, axis=0) / dt, abs=1e-6)
+    assert found.t == pytest.approx(signals.index[:-1])
+    assert found.bound == max(map(math.hypot, *found.d.T))
+    assert found.L_d == max(map(math.hypot, *found.d_dot.T))
+    shown = signals[["mismatch_chi", "mismatch_gamma"]].to_numpy()
+    assert np.array_equal(shown, [*found.d, found.d[-1]])
+
+
+def test_a_gap_has_the_lags_of_the_model_the_indicators_of_the_law_and_the_largest_cause(paper_gap):
+    lags = ft.loop.load_identified("aerosonde").nearest(25.0, math.radians(15.0)).lags
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=math.radians(15.0), g=9.81)
+
+    assert [lag for lag, _ in paper_gap.lags.values()] == [*lags]
+    assert all(99.0 < share < 100.0 for _, share in paper_gap.lags.values())
+    expected = ft.loop.indicators(ft.loop.closed_loop(law, ft.PAPER_GAINS))
+    assert str(paper_gap.indicators) == str(expected)
+    for channel in ("chi", "gamma"):
+        changes = {x.adds: x.metrics.loc[channel, "ITAE"] for x in paper_gap.steps}
+        largest = max(changes, key=lambda name: abs(changes[name]))
+        assert paper_gap.cause(channel) == (largest, changes[largest])
+
+
 def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
     law, point = paper_gap.runs[:2]
     pushing_over = law.signals.index < 1.5
