@@ -15,16 +15,16 @@ import flighttune as ft
 ADOPTED = Path(__file__).parents[2] / "adopted"
 
 
-# Adopted aircraft of `make test`: one that is refused by a difference. `make soak` has a turboprop
-# and one whose start is refused, `make counts` the others.
-QUICK, LONGER = ("f16",), ("DHC6", "Short_S23")
+# Adopted aircraft of `make soak`: one that is refused by a difference, a turboprop and one whose
+# start is refused; `make counts` has the others.
+LONGER = "f16", "DHC6", "Short_S23"
 MARKS = {"x8": pytest.mark.soak}
 SHIPPED = [pytest.param(x, marks=MARKS.get(x, pytest.mark.slow)) for x in AIRCRAFT_NAMES]
 
 
 @pytest.mark.parametrize("aircraft", SHIPPED)
 def test_every_property_is_that_of_jsbsim(aircraft):
-    flown = flown_by_both(aircraft, 1.5, starts=True)
+    flown = flown_by_both(aircraft, 1.0, starts=True)
 
     assert len(flown) > 200
     assert differing(flown) == []
@@ -111,16 +111,14 @@ def test_starts_over_raised_ground_are_those_of_jsbsim():
     assert differing(flown_by_both("aerosonde", 0.5, condition, starts=True, ground=430.0)) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "aircraft",
     [
-        *QUICK,
         *(pytest.param(x, marks=pytest.mark.soak) for x in LONGER),
         *(
             pytest.param(x, marks=pytest.mark.counts)
             for x in sorted(path.name for path in ADOPTED.iterdir())
-            if x not in (*QUICK, *LONGER)
+            if x not in LONGER
         ),
     ],
 )

@@ -426,15 +426,15 @@ def test_a_supercharger_of_several_speeds_is_that_of_jsbsim_to_the_bit(charged):
     assert manifold.max() > 47.88 * ambient.max()  # Pa in a psf: no engine without one gets there
 
 
-GUST = {"axis": "down", "peak": 1.5, "start": 0.1, "rise": 0.2, "hold": 0.1}
+GUST = {"axis": "down", "peak": 1.5, "start": 0.05, "rise": 0.15, "hold": 0.05}
 AIRS = {
     "gust ahead": {"gust": GUST | {"axis": "ahead", "peak": -3.0}},
     "gust from the side": {"gust": GUST | {"axis": "right"}, "wind": (3.0, -2.0, 0.1)},
     "turbulence of Tustin's rule": {"turbulence": {"model": "tustin"}, "gust": GUST},
     "turbulence of the first order": {"turbulence": {"model": "milspec"}, "wind": (3.0, -2.0, 0.1)},
 }
-# m: below, at and between the heights of MIL-F-8785C, 1000 and 2000 ft
-HEIGHTS = 3.0, 90.0, 400.0, 1000.0
+# m: below, between and beyond the heights of MIL-F-8785C, 1000 and 2000 ft
+HEIGHTS = 3.0, 400.0, 1000.0
 
 
 @pytest.mark.slow
@@ -446,7 +446,7 @@ def test_the_air_is_that_of_jsbsim_at_any_height(name):
     for h in HEIGHTS if rough else HEIGHTS[-1:]:
         condition = ft.loop.FlightCondition(V_a=27.0, h=h, chi=2.5, gamma=0.1, phi=0.3)
 
-        flown = flown_by_both("aerosonde", 0.6, condition, weather=blowing(**keys))
+        flown = flown_by_both("aerosonde", 0.45, condition, weather=blowing(**keys))
 
         assert differing(flown) == []
         assert np.ptp(flown["atmosphere/total-wind-down-fps"][1]) > 0.0 or "gust" not in keys

@@ -82,14 +82,15 @@ TURNS = [
     {"north_m": 600.0, "east_m": 400.0, "up_m": 10.0},
     {"north_m": 200.0, "east_m": 700.0, "up_m": 10.0},
 ]
+LEG = [TURNS[0], {"north_m": 120.0, "east_m": 20.0}]
 WIND = {"wind": {"speed_mps": 4.0, "from_deg": 70.0}}
 
 
-def flown(navigation=None, gains="tuned_fed_back", **tables):
+def flown(navigation=None, gains="tuned_fed_back", turns=TURNS, **tables):
     made = ft.load_scenario("circuit").as_dict()
     made["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
     made |= {"gains": [gains], "expect": [], "navigation": navigation, **tables}
-    made["route"] |= {"waypoint": TURNS}
+    made["route"] |= {"waypoint": turns}
     (run,) = ft.fly(ft.scenario_from(made)).runs
     assert run.status == "completed", run.reason
     return run
@@ -111,9 +112,9 @@ PX4 = {"law": [NPFG], "gains": "paper"}
 @pytest.mark.slow
 @pytest.mark.parametrize("made_by", [{}, PX4])
 def test_a_grade_scaled_to_zero_is_the_exact_flight_to_the_bit(made_by):
-    exact = flown(**made_by, **WIND)
+    exact = flown(turns=LEG, **made_by, **WIND)
 
-    scaled = flown(EXACT | {"inner_loop": True}, **made_by, **WIND).signals
+    scaled = flown(EXACT | {"inner_loop": True}, turns=LEG, **made_by, **WIND).signals
 
     assert len(scaled) == len(exact.signals)
     for name, values in exact.signals.items():
@@ -156,8 +157,8 @@ def test_places_are_true_and_what_the_guidance_saw_stands_beside():
 @pytest.mark.slow
 @pytest.mark.parametrize(("gains", "feels"), [("tuned_fed_back", True), ("tuned", False)])
 def test_gains_that_feed_the_load_factor_back_get_the_measured_one(gains, feels):
-    exact = flown(gains=gains).signals
-    biased = flown(EXACT | {"n_z_bias_sd": 0.1}, gains=gains).signals
+    exact = flown(gains=gains, turns=LEG).signals
+    biased = flown(EXACT | {"n_z_bias_sd": 0.1}, gains=gains, turns=LEG).signals
 
     assert bool(np.abs(biased["n_z_cmd"] - exact["n_z_cmd"]).max() > 0.001) is feels
 
