@@ -123,6 +123,33 @@ def test_a_grade_scaled_to_zero_is_the_exact_flight_to_the_bit(made_by):
         assert np.array_equal(scaled[f"{name}_meas"], scaled[name])
 
 
+def test_what_is_seen_is_what_is_true_with_the_errors_of_its_seed():
+    run = flown({"grade": "poor"}, turns=LEG, **WIND)
+    signals = {name: x.to_numpy() for name, x in run.signals.items()}
+    of = ft.loop.Navigation.of("poor", seed=run.provenance.seed)
+    errors = dict(zip(ERRORS, of.errors(len(run.t), DT, V).T, strict=True))
+
+    for name in ("V_a", "phi", "n_z", "north", "east", "h"):
+        apart = signals[f"{name}_meas"] - signals[name]
+        assert apart == pytest.approx(errors[name], abs=1e-9), name
+    chi, gamma = signals["chi"][1:], signals["gamma"][1:]
+    V_g = np.hypot(*(np.diff(signals[name]) for name in ("north", "east"))) / DT
+    north = V_g * np.cos(chi) + errors["v_north"][1:]
+    east = V_g * np.sin(chi) + errors["v_east"][1:]
+    climb = V_g * np.tan(gamma) + errors["v_up"][1:]
+    level = np.hypot(north, east)
+    assert signals["V_g_meas"][1:] == pytest.approx(level, abs=1e-9)
+    turned = np.exp(1j * signals["chi_meas"][1:])
+    assert turned == pytest.approx((north + 1j * east) / level, abs=1e-9)
+    assert signals["gamma_meas"][1:] == pytest.approx(np.arctan2(climb, level), abs=1e-9)
+    share = DT / (of.wind_lag + DT)
+    for name in ("wind_north", "wind_east", "wind_down"):
+        wind, seen = signals[name], signals[f"{name}_meas"]
+        expected = share * wind[1:] + (1.0 - share) * seen[:-1] + errors[name][1:]
+        assert seen[0] == pytest.approx(wind[0] + errors[name][0], abs=1e-9)
+        assert seen[1:] == pytest.approx(expected, abs=1e-9)
+
+
 @pytest.mark.slow
 def test_places_are_true_and_what_the_guidance_saw_stands_beside():
     """The distance from the track of an exact flight, which is within 0.04 m of its route."""
