@@ -63,10 +63,16 @@ def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_sho
     assert len({*long[500]}) == 6
 
 
+FED = {
+    "name": "fed", "law": "exact", "K_P": [[2.87, 0.0], [0.0, 2.51]],
+    "K_I": [[1.16, 0.0], [0.0, 0.948]], "feedback": [0.43, 0.306],
+}  # fmt: skip
+
+
 def flown(navigation, rate_hz=50.0):
     made = ft.load_scenario("level_turn").as_dict()
     made["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
-    made |= {"law": "exact", "gains": ["tuned_fed_back"], "expect": [], "navigation": navigation}
+    made |= {"law": "exact", "gains": [FED], "expect": [], "navigation": navigation}
     made["controller"] = made.get("controller", {}) | {"rate_hz": rate_hz}
     (run,) = ft.fly(ft.scenario_from(made)).runs
     assert run.status == "completed", run.reason
