@@ -63,23 +63,12 @@ def linked(file):
 DAMAGES = [cut, open_to_others, linked, Path.unlink, flipped, lambda file: flipped(file, 40)]
 
 
-@pytest.mark.soak
-def test_a_step_is_read_by_others_and_made_anew_if_it_is_damaged_or_forged(copies, empty_cache):
-    assert refused(copies()) == ""
-    ((file, made),) = steps_in(empty_cache).items()
-    kept = file.read_bytes()
-    assert (empty_cache.stat().st_mode & 0o777, file.stat().st_mode & 0o777) == (0o700, 0o600)
-
-    assert refused(copies()) == ""
-    assert steps_in(empty_cache) == {file: made}
-    DAMAGES[0](file)
-    assert refused(copies()) == ""
-    assert file.read_bytes() == kept
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("damage", DAMAGES[1:])
-def test_so_it_is_for_every_damage(damage, copies, empty_cache):
+@pytest.mark.parametrize(
+    "damage",
+    [pytest.param(x, marks=pytest.mark.counts) for x in DAMAGES[1:-1]]
+    + [pytest.param(x, marks=pytest.mark.soak) for x in DAMAGES[::5]],
+)
+def test_a_step_is_made_anew_if_it_is_damaged_or_forged(damage, copies, empty_cache):
     assert refused(copies()) == ""
     (file,) = steps_in(empty_cache)
     kept = file.read_bytes()
@@ -101,19 +90,23 @@ CHANGES = [
 @pytest.mark.parametrize(
     "change",
     [
-        pytest.param(x, marks=pytest.mark.slow if x is CHANGES[0] else pytest.mark.soak)
+        pytest.param(x, marks=pytest.mark.slow if x is CHANGES[0] else pytest.mark.counts)
         for x in CHANGES
     ],
 )
-def test_another_part_rate_or_throttle_is_another_step(change, copies, empty_cache):
+def test_a_step_is_of_one_user_read_by_others_and_another_for_another_part_rate_or_throttle(
+    change, copies, empty_cache
+):
     text = (SHIPPED_AIRCRAFT / "aerosonde" / change[0]).read_text()
     assert change[1] in text
-    for folder in (
-        shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", empty_cache.parent / "own"),
-        copies(*change),
-    ):
-        assert refused(folder) == ""
+    own = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", empty_cache.parent / "own")
+    assert refused(own) == ""
+    ((file, made),) = steps_in(empty_cache).items()
+    assert (empty_cache.stat().st_mode & 0o777, file.stat().st_mode & 0o777) == (0o700, 0o600)
 
+    assert refused(shutil.copytree(own, own.with_name("again"))) == ""
+    assert steps_in(empty_cache) == {file: made}
+    assert refused(copies(*change)) == ""
     assert len(steps_in(empty_cache)) == 2
 
 
@@ -198,14 +191,14 @@ def test_every_key_of_a_fault_is_tried():
     assert FAULT.keys() == off_nominal(fault=FAULT).fault.model_dump().keys()
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("key", [*FAULT][3:])
 def test_a_check_does_not_wait_for_what_comes_in_flight(key, copies):
     assert why_not(copies(), fault={"from_s": 1.0, key: FAULT[key]}) == ""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ended_by", ["cut", "thrust"])
+@pytest.mark.parametrize("ended_by", ["cut", pytest.param("thrust", marks=pytest.mark.counts)])
 def test_nor_for_what_ends(ended_by, copies):
     assert why_not(copies(), fault=FAULT | {"ended_by": ended_by}) == ""
 
@@ -226,8 +219,10 @@ def on_a_leg(text):
     return text.replace("<ground_reactions/>", LEG)
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("low_first", [True, False])
+@pytest.mark.parametrize(
+    "low_first",
+    [pytest.param(True, marks=pytest.mark.soak), pytest.param(False, marks=pytest.mark.counts)],
+)
 def test_a_difference_is_kept_for_the_case_it_was_seen_in_alone(low_first, tmp_path, empty_cache):
     """JSBSim moves the spring of a leg in a check near the ground, and in no other."""
     names = ("low", "high") if low_first else ("high", "low")

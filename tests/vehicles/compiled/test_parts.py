@@ -176,25 +176,35 @@ STOPS = ("test/actuator/saturated", "test/actuator-from-zero/saturated")
 OTHERS = ("test/chosen", "test/every-third", "test/at-times", *STOPS)
 
 
+def in_other_axes(text, *kind):
+    """Lift and drag as axial and normal forces, or as forces along x and z."""
+    for old, new in zip(("DRAG", "SIDE", "LIFT"), kind, strict=True):
+        text = text.replace(f'<axis name="{old}">', f'<axis name="{new}">')
+    text = text.replace("<sum>", "<sum><value>0.01</value>", 1)
+    for name in ("lift", "drag"):
+        start = f'<function name="aero/force/{name}">'
+        i = text.index("<product>", text.index(start)) + len("<product>")
+        text = f"{text[:i]}<value>{-1.0 if kind[0] == 'X' else 1.0}</value>{text[i:]}"
+    return text
+
+
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """Rows of all properties of the test, by JSBSim and compiled."""
+    """Rows of all properties of the test, with forces along x, y and z, by JSBSim and compiled."""
 
     def change(text):
+        text = in_other_axes(text, "X", "Y", "Z")
         return text.replace("<aerodynamics>", f"{SYSTEM}<aerodynamics>")
 
     folder = changed_aerosonde(tmp_path_factory.mktemp("parts") / "aircraft", change)
     return flown_by_both(folder, 4.0)
 
 
-@pytest.mark.parametrize(
-    "name", [*(f"of {name}" for name in OPERATORS), *COMPONENTS, *(x[5:] for x in OTHERS)]
-)
-def test_it_is_that_of_jsbsim_to_the_bit(flown, name):
-    expected, actual = flown[identifier(name)]
+def test_operators_and_components_are_those_of_jsbsim_to_the_bit(flown):
+    parts = {*map(identifier, [*(f"of {name}" for name in OPERATORS), *COMPONENTS]), *OTHERS}
 
-    assert np.unique(expected).size > 1
-    assert np.array_equal(expected, actual)
+    assert {name for name in parts if np.unique(flown[name][0]).size < 2} == set()
+    assert differing(flown) == []
 
 
 TURBOPROP = """<turboprop_engine name="turboprop"><maxpower unit="HP">0.025</maxpower>
@@ -298,6 +308,10 @@ LEVER = """<fcs_function name="test/lever-{0}"><function><sum><value>0.6</value>
     <value>3</value><property>attitude/phi-rad</property></product></sum></function>
     <clipto><min>0</min><max>1.3</max></clipto>
     <output>fcs/throttle-pos-norm[{0}]</output></fcs_function>"""
+STALL = """<alphalimits unit="DEG"><min>-10</min><max>4</max></alphalimits>
+    <hysteresis_limits unit="DEG"><min>3</min><max>4</max></hysteresis_limits>"""
+LOADED = """<pointmass name="camera"><weight unit="KG">0.5</weight>
+    <location unit="M"><x>0.03</x><y>0.02</y><z>-0.04</z></location></pointmass></mass_balance>"""
 TANK = f'<tank type="FUEL">{PLACE}<capacity>1</capacity><contents>0.1</contents></tank>'
 
 # The aerodynamic reference point moves with the angle of attack; a part of the lift acts at the CG.
@@ -359,9 +373,17 @@ def with_engines(folder, engines, aircraft="aerosonde"):
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    """Rows of all properties of an aircraft with small engines, by JSBSim and compiled."""
+    """Rows of all properties of an aircraft with small engines, by JSBSim and compiled.
+
+    It has a load beside its axis, signals of a stall, and axial and normal forces.
+    """
     folder = with_engines(tmp_path_factory.mktemp("engines") / "aircraft", ENGINES.values())
-    return flown_by_both(folder, 1.5)
+    file = folder / "aerosonde.xml"
+    text = in_other_axes(file.read_text("latin-1"), "AXIAL", "SIDE", "NORMAL")
+    text = text.replace("<aerodynamics>", f"<aerodynamics>{STALL}")
+    file.write_text(text.replace("</mass_balance>", LOADED), "latin-1")
+    of_this_model(folder)
+    return flown_by_both(varied(folder, mass_factor=1.02), 1.5)
 
 
 @pytest.fixture(scope="module")
@@ -375,24 +397,20 @@ def charged(tmp_path_factory):
     )
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    ("flown", "name"), [*(("driven", x) for x in ENGINES), *(("charged", x) for x in PISTONS)]
-)
-def test_an_engine_and_its_thruster_are_those_of_jsbsim_to_the_bit(flown, name, request):
-    driven = request.getfixturevalue(flown)
-    n = 1 + [*(ENGINES if flown == "driven" else PISTONS)].index(name)
-    lever, _ = driven[f"fcs/throttle-pos-norm[{n}]"]
-    thrust, _ = driven[f"propulsion/engine[{n}]/thrust-lbs"]
-
-    assert differing(driven) == []
-    assert lever.max() > 1.0  # it follows the roll, also beyond its end
-    assert np.ptp(lever) > 0.3
-    assert np.unique(thrust).size > 100
+def all_driven(flown, engines):
+    """Whether levers and thrusts of engines beside that of the aircraft moved, a lever too far."""
+    levers, thrusts = (
+        [flown[name.format(n)][0] for n in range(1, 1 + len(engines))]
+        for name in ("fcs/throttle-pos-norm[{}]", "propulsion/engine[{}]/thrust-lbs")
+    )
+    moved = min(np.unique(x).size for x in thrusts) > 100 and min(map(np.ptp, levers)) > 0.3
+    return moved and min(x.max() for x in levers) > 1.0
 
 
 @pytest.mark.slow
 def test_turboprops_jets_with_afterburners_and_governed_propellers_are_those_of_jsbsim(driven):
+    assert all_driven(driven, ENGINES)
+    assert {*np.unique(driven["aero/stall-hyst-norm"][0])} == {0.0, 1.0}
     assert differing(driven) == []
     # Functions that JSBSim looks for by name are shown below their engine.
     jets = [n for n, (motor, _) in enumerate(ENGINES.values(), 1) if "MilThrust" in motor]
@@ -401,72 +419,22 @@ def test_turboprops_jets_with_afterburners_and_governed_propellers_are_those_of_
 
 @pytest.mark.slow
 def test_a_supercharger_of_several_speeds_is_that_of_jsbsim_to_the_bit(charged):
+    assert all_driven(charged, PISTONS)
     assert differing(charged) == []
     manifold, _ = charged["propulsion/engine/map-pa"]
     ambient, _ = charged["atmosphere/P-psf"]
     assert manifold.max() > 47.88 * ambient.max()  # Pa in a psf: no engine without one gets there
 
 
-def with_axes(text, *names):
-    for old, new in zip(("DRAG", "SIDE", "LIFT"), names, strict=True):
-        text = text.replace(f'<axis name="{old}">', f'<axis name="{new}">')
-    return text.replace("<sum>", "<sum><value>0.01</value>", 1)
-
-
-def in_other_axes(kind):
-    """Lift and drag as axial and normal forces, or as forces along x and z."""
-    sign = -1.0 if kind[0] == "X" else 1.0
-
-    def change(text):
-        text = with_axes(text, *kind)
-        for name in ("lift", "drag"):
-            start = f'<function name="aero/force/{name}">'
-            i = text.index("<product>", text.index(start)) + len("<product>")
-            text = f"{text[:i]}<value>{sign}</value>{text[i:]}"
-        return text
-
-    return change
-
-
-STALL = """<alphalimits unit="DEG"><min>-10</min><max>4</max></alphalimits>
-    <hysteresis_limits unit="DEG"><min>3</min><max>4</max></hysteresis_limits>"""
-LOADED = """<pointmass name="camera"><weight unit="KG">0.5</weight>
-    <location unit="M"><x>0.03</x><y>0.02</y><z>-0.04</z></location></pointmass></mass_balance>"""
-
-
-def stalling(text):
-    text = text.replace("<aerodynamics>", f"<aerodynamics>{STALL}")
-    return text.replace("</mass_balance>", LOADED)
-
-
-OTHER_MODELS = {
-    "axial and normal": in_other_axes(("AXIAL", "SIDE", "NORMAL")),
-    "x, y and z": in_other_axes(("X", "Y", "Z")),
-    "stall signals and a load": stalling,
-}
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("name", OTHER_MODELS)
-def test_forces_in_other_axes_signals_and_loads_are_those_of_jsbsim(name, tmp_path):
-    folder = changed_aerosonde(tmp_path / "aircraft", OTHER_MODELS[name])
-    aircraft = varied(folder, mass_factor=1.02) if name == "stall signals and a load" else folder
-
-    flown = flown_by_both(aircraft, 1.0)
-
-    assert differing(flown) == []
-    assert np.ptp(flown["forces/fbz-aero-lbs"][0]) > 0.1
-
-
-GUST = {"axis": "down", "peak": 1.5, "start": 0.1, "rise": 0.2, "hold": 0.1}
+GUST = {"axis": "down", "peak": 1.5, "start": 0.05, "rise": 0.15, "hold": 0.05}
 AIRS = {
     "gust ahead": {"gust": GUST | {"axis": "ahead", "peak": -3.0}},
     "gust from the side": {"gust": GUST | {"axis": "right"}, "wind": (3.0, -2.0, 0.1)},
     "turbulence of Tustin's rule": {"turbulence": {"model": "tustin"}, "gust": GUST},
     "turbulence of the first order": {"turbulence": {"model": "milspec"}, "wind": (3.0, -2.0, 0.1)},
 }
-# m: below, at and between the heights of MIL-F-8785C, 1000 and 2000 ft
-HEIGHTS = 3.0, 90.0, 400.0, 1000.0
+# m: below, between and beyond the heights of MIL-F-8785C, 1000 and 2000 ft
+HEIGHTS = 3.0, 400.0, 1000.0
 
 
 @pytest.mark.slow
@@ -478,7 +446,7 @@ def test_the_air_is_that_of_jsbsim_at_any_height(name):
     for h in HEIGHTS if rough else HEIGHTS[-1:]:
         condition = ft.loop.FlightCondition(V_a=27.0, h=h, chi=2.5, gamma=0.1, phi=0.3)
 
-        flown = flown_by_both("aerosonde", 0.6, condition, weather=blowing(**keys))
+        flown = flown_by_both("aerosonde", 0.45, condition, weather=blowing(**keys))
 
         assert differing(flown) == []
         assert np.ptp(flown["atmosphere/total-wind-down-fps"][1]) > 0.0 or "gust" not in keys

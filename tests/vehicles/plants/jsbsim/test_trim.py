@@ -44,12 +44,35 @@ def test_what_stands_against_a_steady_flight_is_said(condition, message):
         ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
 
 
-def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
-    travel = r"(elevator = { travel_deg = \[-25.0), 25.0"
-    folder = changed_aircraft("aircraft.toml", travel, r"\1, 1.0")
+@pytest.mark.parametrize(
+    ("pattern", "new", "words"),
+    [
+        (r"(elevator = { travel_deg = \[-25.0), 25.0", r"\1, 1.0", "the elevator is at its stop"),
+        (r"(elevator = { travel_deg = \[)-25.0", r"\1-0.3", "the elevator is at its stop"),
+        (r"(rudder   = { travel_deg = \[-25.0), 25.0", r"\1, 0.01", "the rudder is at its stop"),
+        (r"(rudder   = { travel_deg = \[)-25.0", r"\1-0.01", "the rudder is at its stop"),
+        (r"(aileron  = { travel_deg = \[-25.0), 25.0", r"\1, 0.01", "the aileron is at its stop"),
+        (r"(aileron  = { travel_deg = \[)-25.0", r"\1-0.01", "the aileron is at its stop"),
+        (
+            r"alpha_deg = \[-14.0, 16.0\]",
+            "alpha_deg = [4.0, 16.0]",
+            "negative stall, alpha is at 4",
+        ),
+    ],
+)
+def test_a_trim_that_is_not_found_names_the_stop_that_it_lies_at(
+    changed_aircraft, pattern, new, words
+):
+    plant = ft.loop.JSBSimPlant(changed_aircraft("aircraft.toml", pattern, new))
 
-    with pytest.raises(ft.loop.PlantError, match="elevator is at its stop"):
-        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
+    met = []
+    for phi in (-0.7, 0.0, 0.7):
+        try:
+            plant.start(ft.loop.FlightCondition(V_a=25.0, phi=phi))
+        except ft.loop.PlantError as error:
+            met.append(str(error))
+    assert met
+    assert all(words in x for x in met)
 
 
 @pytest.mark.parametrize(("V_a", "got"), [(10.56789, "10.57"), (14.99999, "14.99999")])
