@@ -21,7 +21,7 @@ NAN = np.nan
 @pytest.fixture(scope="module")
 def run():
     signals = ("chi_err", "gamma_err", "phi", "n_z")
-    return made_up_run(dict.fromkeys(signals, [0.0, 1.0]), [0.0, 1.0])
+    return made_up_run({x: [0.0, 1.0] for x in signals}, [0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
