@@ -138,7 +138,7 @@ def test_a_page_first_says_how_many_flights_meet_follow_and_converge(four):
     assert float(facts["time to fly"].split()[0]) == pytest.approx(
         sum(run.provenance.wall_s for run in runs if len(run.signals) > 1), abs=0.006
     )
-    assert "5 %" in unescape(page)
+    assert "5 % of the largest error, and at least 0.5°" in unescape(page)
 
 
 MOVES = [
