@@ -94,7 +94,7 @@ def test_no_text_of_a_page_lies_on_another(open_tab, pages, kind, tmp_path):
         assert told[width]["wide"] == [], width
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_text_on_another_is_seen(chromium, tmp_path):
     told = told_at_widths(chromium, TWICE, tmp_path)
 
