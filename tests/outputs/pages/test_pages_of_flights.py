@@ -138,6 +138,8 @@ def test_a_page_first_says_how_many_flights_meet_follow_and_converge(four):
     assert float(facts["time to fly"].split()[0]) == pytest.approx(
         sum(run.provenance.wall_s for run in runs if len(run.signals) > 1), abs=0.006
     )
+    assert facts["source of the scenario"] == "–"
+    assert facts["seed"] == str(runs[0].provenance.seed)
     assert "5 % of the largest error, and at least 0.5°" in unescape(page)
 
 
