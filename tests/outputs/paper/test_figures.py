@@ -110,7 +110,7 @@ def test_bars_are_differences_in_last_digits_and_shares_of_limits(figure):
     assert groups in ([0, 1, 2, 3], [0, 1, 2, 3, 4])
     # commands at the start from errors of 60 and 30 deg against pi/4, pi/6, 2.1 and 1
     e = np.array([-math.pi / 3, math.pi / 12 - math.pi / 4])
-    phi, n_z = np.abs(K_P @ e)
+    phi, n_z = np.abs((K_P + 0.1 * K_I) @ e)  # after a tenth of a second of integration
     shares = {float(m): float(h) for m, h in zip(middle, high, strict=True)}
     assert shares[min(shares)] == pytest.approx(phi / (math.pi / 4.0), abs=0.05)
     assert any(h == pytest.approx(n_z / 2.1, abs=0.05) for h in high)
