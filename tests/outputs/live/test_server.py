@@ -35,7 +35,7 @@ def token_of(page):
 
 def ask(page, path="", body=None, *, token=None, **headers):
     """Status, headers and body of an answer; headers are those of our page unless stated."""
-    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=300)
     told = {"Host": f"127.0.0.1:{page.port}"}
     if body is not None:
         told |= {"Origin": f"http://127.0.0.1:{page.port}", "Content-Type": "application/json"}
