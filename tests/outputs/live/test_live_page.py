@@ -191,9 +191,10 @@ def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(
 @pytest.mark.parametrize(
     ("width", "scheme"),
     [
-        *((width, "light") for width in (WIDE, DESK, PHONE, NARROW)),
+        (DESK, "light"),
         (PHONE, "dark"),
-        *(pytest.param(width, "dark", marks=pytest.mark.counts) for width in (WIDE, DESK, NARROW)),
+        *(pytest.param(x, "light", marks=pytest.mark.counts) for x in (WIDE, PHONE, NARROW)),
+        *(pytest.param(x, "dark", marks=pytest.mark.counts) for x in (WIDE, DESK, NARROW)),
     ],
 )
 def test_nothing_overlaps_or_leaves_the_page(browser, page, width, scheme):
@@ -241,7 +242,7 @@ def test_a_page_asks_nobody_but_its_server(browser, page):
 
 
 def test_fifty_moves_a_second_are_followed_in_bounded_memory(browser, page):
-    process, seconds, room = psutil.Process(), 4.0, 60e6
+    process, seconds, room = psutil.Process(), 1.5, 60e6
     with window(browser, page) as tab:
         tab.run(
             f"window.sent = 0; window.moves = document.getElementById('{K_P}'); window.timer ="

@@ -169,7 +169,7 @@ class Mine:
 """
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_recording_runs_no_code_that_it_names(tmp_path):
     (tmp_path / "law.py").write_text(LAW)
     scenario = ft.load_scenario("paper_as_printed", changes={"flight.duration_s": 0.5}).as_dict()

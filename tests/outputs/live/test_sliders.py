@@ -107,12 +107,9 @@ def test_a_page_begins_with_the_flights_of_its_scenario(pages, name):
     [
         ("flight.V_a_mps", 27.0, {"flight.V_a_mps": 27.0}),
         ("limits.phi_deg[1]", 20.0, {"limits.phi_deg": [-20.0, 20.0]}),
-        ("limits.n_z[1]", 1.2, {"limits.n_z": [-2.1, 1.2]}),
-        ("limits.phi_rate_dps", 8.0, {"limits.phi_rate_dps": 8.0}),
         ("wind.speed_mps", 4.0, {"wind.speed_mps": 4.0, "wind.from_deg": 270.0}),
         ("turbulence.intensity", "light", {"turbulence.intensity": "light"}),
         ("plant.airframe.mass_factor", 1.1, {"plant.airframe.mass_factor": 1.1}),
-        ("reference.gamma_deg", 3.0, {"reference.gamma_deg": 3.0}),
     ],
 )
 def test_a_slider_flies_as_the_key_of_the_scenario(pages, key, value, changes):

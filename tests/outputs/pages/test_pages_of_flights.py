@@ -139,6 +139,7 @@ def test_a_page_first_says_how_many_flights_meet_follow_and_converge(four):
         sum(run.provenance.wall_s for run in runs if len(run.signals) > 1), abs=0.006
     )
     assert facts["source of the scenario"] == "–"
+    assert "far off" in page
     assert facts["seed"] == str(runs[0].provenance.seed)
     assert "5 % of the largest error, and at least 0.5°" in unescape(page)
 
