@@ -42,3 +42,14 @@ def test_flights_of_any_count_fly_again_on_the_workers_of_the_command_line(tmp_p
     both = ("--workers", 1, "--scheduler", "tcp://127.0.0.1:1")
     _, told = flighttune(*both, "verify", file, "--run", 20, status=2)
     assert "`workers` must not be given" in told
+
+
+def test_a_long_reason_keeps_its_beginning_and_its_end_in_one_line():
+    _, whole = flighttune("fly", "paper", "--set", "=" + "x" * 500, status=2)
+    _, cut = flighttune("fly", "paper", "--set", "=" + "x" * 5000, status=2)
+
+    assert "x" * 500 in whole
+    begin, end = cut.removeprefix("flighttune: ").rstrip("\n").split(" ... ")
+    assert (len(begin), len(end)) == (340, 340)
+    assert whole.removeprefix("flighttune: ").startswith(begin[:40])
+    assert whole.rstrip("\n").endswith(end[-3:])

@@ -7,7 +7,7 @@ import html
 import re
 
 import pytest
-from made_up import run_folder
+from made_up import made_up_scenario, run_folder
 
 import flighttune as ft
 
@@ -90,8 +90,8 @@ def test_gains_from_a_file_are_called_by_their_name(results, tmp_path):
 def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
     """XML forbids them, and a page may be shown by a pager."""
     wicked = "a\x1b[31m\x00title\u202e\x07"
-    short = {"title": wicked, "flight.duration_s": 0.5}
-    page = ft.report(ft.fly(ft.load_scenario("paper", changes=short)), tmp_path / "page.html")
+    flown = ft.fly(made_up_scenario(title=wicked, flight={"duration_s": 0.2}))
+    page = ft.report(flown, tmp_path / "page.html")
 
     text = page.path.read_text(encoding="utf-8")
     assert "title" in text
