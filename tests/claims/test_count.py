@@ -148,7 +148,7 @@ def test_evidence_is_the_integral_of_likelihood_ratios(epsilon, confidence):
 MEANS = {0.0: 0.39, 0.005: 0.62, 0.0125: 0.98, 0.1: 1.34, 0.25: 0.12}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_answer_is_false_no_more_often_than_stated_however_often_it_is_looked_at():
     epsilon, confidence, planned = 0.05, 0.95, count.flights_needed(0.05, 0.95, 5)
     rng, n, campaigns = np.random.default_rng(6), np.arange(1, 4 * planned + 1), 2000
