@@ -105,6 +105,9 @@ def test_flights_outside_the_fence_are_those_that_reach_beyond_it_beside_their_r
     assert fenced.epsilon == pytest.approx(stats.beta.ppf(0.9, outside + 1, 12 - outside))
     assert not fenced.supported
     assert f"{12 - outside} of 12 fresh flights are certainly inside" in fenced.sentence
+    near = band.with_fence(around_leg(BESIDE_M)).nearness
+    assert near[0] == pytest.approx(0.5 * REACH)
+    assert near[1] == pytest.approx(REACH - (BESIDE_M - EDGE_M))
     flights, corridor = fenced.nearest
     assert flights["margin_m"] == pytest.approx(BESIDE_M - REACH[-1] - EDGE_M)
     assert (flights["side"], flights["along_m"]) == ("right", pytest.approx(40.5, abs=5.0))

@@ -98,7 +98,7 @@ FILES = {
         lambda: "\n".join(f"k{i} = 1" for i in range(20_000)),
     ),
 }
-LARGE = {"parameters", "too many values"}  # which take seconds of the processor
+LARGE = {"parameters", "too many values", "a ring of corners", "items of a plan"}
 OPENS = '"type":"GeometryCollection","geometries":['
 
 

@@ -359,6 +359,8 @@ def test_the_aircraft_flies_in_the_tube_of_its_boxes_which_is_proven_again(
 
 @pytest.mark.slow
 def test_boxes_other_than_those_counted_are_refused(aircraft, boxes, tmp_path):
+    stated = aircraft.probability
+    assert (stated.of, stated.at_most, stated.confidence) == ("residual_rates", 0.3, 0.9)
     file = saved(aircraft, "aircraft.npz")
     kept = Opened.of(file).arrays["boxes"]
     other_boxes = changed(file, tmp_path / "b.npz", boxes=0.5 * kept)
