@@ -88,22 +88,6 @@ def test_a_confidence_is_a_probability(confidence):
         intervals.rate_interval(1, 2, confidence)
 
 
-@pytest.mark.parametrize("q", [0.05, 0.5, 0.95])
-@pytest.mark.parametrize("n", [7, 80, 500])
-def test_intervals_of_a_quantile_are_those_of_scipy(n, q):
-    values = np.random.default_rng(n).lognormal(size=n)
-
-    found = intervals.quantile_interval(values, q)
-
-    tails = [
-        stats.quantile_test(values, p=q, alternative=side).confidence_interval(0.975)
-        for side in ("greater", "less")
-    ]
-    expected = [tails[0].low, tails[1].high]
-    expected = [e if np.isfinite(e) else s * np.inf for e, s in zip(expected, (-1, 1), strict=True)]
-    assert found == tuple(expected)
-
-
 # An effective number is rounded down, and lies between one and all.
 @pytest.mark.parametrize(
     ("n", "effective", "whole"), [(300, 220.0, 220), (40, 1000.0, 40), (40, 7.9, 7), (40, 0.3, 1)]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import jsbsim
 import pytest
+from book_aeroplane import more, system
 from commands import answer, flighttune
 from killed import each_end, files_in
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
@@ -112,18 +113,9 @@ WINGLESS = "<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 '
 
 
 def test_a_value_of_a_property_with_a_slash_needs_the_slash(own, refusal):
-    part = "<pure_gain name='x'><input>/systems/switch</input></pure_gain>"
+    switch = system("<pure_gain name='x'><input>/systems/switch</input></pure_gain>")
 
-    said = refusal(
-        own(
-            (
-                "</fdm_config>",
-                f"<system name='o'><channel name='o'>{part}</channel></system></fdm_config>",
-            )
-        ),
-        "--set",
-        "systems/switch=1",
-    )
+    said = refusal(own(more(switch)), "--set", "systems/switch=1")
 
     assert "--set systems/switch: the model must have or read it" in said
     assert "it does neither; it reads /systems/switch, with a slash." in said

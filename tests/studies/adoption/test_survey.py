@@ -271,6 +271,9 @@ REFUSED = {
         ("(?s)<aerodynamics>.*</aerodynamics>", '<aerodynamics file="gone.xml"/>')
     ],
     r"^must be XML: mismatched tag: line \d+, column \d+": [("</axis>", "</axes>")],
+    "no lift or normal-force axis: DRAG, L2, PITCH, ROLL, SIDE, YAW": [
+        ('<axis name="LIFT">', '<axis name="L2">')
+    ],
     "its aerodynamics lack a moment axis: ROLL": [(ABOUT_X, '<axis name="roll2">')],
     r"its aileron command \(fcs/aileron-cmd-norm\) has no usable effect": [
         (rf"({ROLLED}){AILERON}", rf"\1<abs><property>{POSITION_READ}</property></abs>")

@@ -8,6 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from book_aeroplane import more, system
 from commands import flighttune
 from places import SHIPPED_AIRCRAFT
 
@@ -264,12 +265,11 @@ def test_what_was_told_and_found_is_in_the_draft_of_what_is_refused(own, tmp_pat
     """Its motor does not push, which is found after its levers and the flight control."""
     told = "--aileron fcs/left-aileron-pos-rad --set fcs/x=0.25 --set /a/b=2 --no-rudder"
     told += " --throttle a/t"
-    parts = "<pure_gain name='a/y'><input>fcs/x</input></pure_gain>"
-    parts += "<pure_gain name='a/u'><input>a/t</input></pure_gain>"
-    file = own(
-        ("</fdm_config>", f"<system name='o'><property>a/t</property><property>fcs/x</property>"
-         f"<channel name='o'>{parts}</channel></system></fdm_config>"), power=0,
-    )  # fmt: skip
+    reads = [
+        f"<pure_gain name='a/{x[-1]}'><input>{x}</input></pure_gain>" for x in ("fcs/x", "a/t")
+    ]
+    defined = "<system name='o'><property>a/t</property><property>fcs/x</property></system>"
+    file = own(more(defined, system(*reads)), power=0)
 
     flighttune("adopt", file, "--out", tmp_path / "mine", *told.split(), status=1)
 

@@ -13,7 +13,6 @@ DERIVATIVE = 1e-8
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
 PRINTED = duffing.Duffing(alpha=0.5, beta=0.25, delta=1.5)
-L_D = 2.5
 
 
 @pytest.mark.parametrize("x", [(0.0, 0.0), (1.3, -0.7), (-2.0, 3.0)])
@@ -59,20 +58,6 @@ def test_smoothness_alone_proves_the_condition_in_a_smaller_disc():
     assert np.max(apart / np.linalg.norm(x - y, axis=1)) <= PRINTED.smoothness(r)
     assert PRINTED.margin(r) > 0.0
     assert r < PRINTED.region
-
-
-def test_speeds_of_a_case_are_those_of_its_states_and_its_bound_decays_at_half_the_rate():
-    """The rates begin at (0, -1.59375), and P has the eigenvalues of 1/g^2 and g^2."""
-    pushed = np.column_stack([np.full(40, -L_D), np.linspace(0.0, L_D, 40)])
-    case = duffing.DuffingCase(PRINTED, pushed)
-
-    x1, x2 = np.moveaxis(case.x, -1, 0)
-    assert case.norm_f == pytest.approx(np.hypot(x2, -1.5 * x2 - 0.5 * x1 - 0.25 * x1**3))
-    assert case.farthest == -x1[:, 0].min() > x1.max()
-    rate, radius = GOLDEN**-2, PRINTED.bound(L_D)[1]
-    t = np.linspace(0.0, 4.0, len(x1))
-    limit = radius + (1.59375 * GOLDEN - radius) * np.exp(-0.5 * rate * t)
-    assert case.bound_over_time == pytest.approx(limit, rel=1e-9)
 
 
 def test_the_slowest_decay_is_that_of_the_poles_over_the_rate_of_the_theorem():
