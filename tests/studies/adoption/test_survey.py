@@ -65,6 +65,7 @@ SLAT = """<product \\1><value>0.086</value><sum><property>fcs/fbw/slat-norm</pro
 C_D_0 = r"<value (name=\S+CD_0.)> 0.043 </value>"
 TAIL = r"(?s)(.*)fcs/elevator-pos-rad(.*)fcs/elevator-pos-rad(.*)fcs/elevator-pos-rad"
 BEHIND_TAIL = "\\1{0}\\2{0}\\3{0}".format("fcs/fbw/horz-tail-pos-rad")
+AILERON = TAIL.replace("elevator", "left-aileron")
 NO_RUDDER = r"(?s)(.*)fcs/rudder-pos-rad(.*)fcs/rudder-pos-rad(.*)fcs/rudder-pos-rad"
 AT_LOW_SPEED = """<sum \\1><value>0.043</value><product><value>2</value><lt>
 <property>velocities/vt-fps</property><value>{}</value></lt></product></sum>"""
@@ -109,6 +110,16 @@ MODELS = {
             "aileron": {**FULL, "travel_deg": [-10.03, 20.05]},
             "elevator": {**FULL, "full_rad": [0.35, -0.35]},
             "rudder": {"travel_deg": [-11.46, 11.46], "full_rad": [-0.2, 0.2]},
+        }}, [],
+    ),
+    "a command that is the position": (
+        [*flown_by("", tops=["<system name='o'><property>fcs/a-rad</property></system>"]),
+         (AILERON, "\\1{0}\\2{0}\\3{0}".format("fcs/a-rad"))],
+        {"told": lambda x: x["surfaces"]["aileron"].update(command="fcs/a-rad")},
+        {"surfaces": dict.fromkeys(POSITIONS, FULL) | {
+            "aileron": {
+                "travel_deg": [-57.3, 57.3], "full_rad": [-1.0, 1.0], "command": "fcs/a-rad",
+            },
         }}, [],
     ),
     "drag at low speeds": (
