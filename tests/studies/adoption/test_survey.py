@@ -64,7 +64,10 @@ SLAT = """<product \\1><value>0.086</value><sum><property>fcs/fbw/slat-norm</pro
 <property>fcs/fbw/droop</property></sum></product>"""
 C_D_0 = r"<value (name=\S+CD_0.)> 0.043 </value>"
 TAIL = r"(?s)(.*)fcs/elevator-pos-rad(.*)fcs/elevator-pos-rad(.*)fcs/elevator-pos-rad"
-BEHIND_TAIL = "\\1{0}\\2{0}\\3{0}".format("fcs/fbw/horz-tail-pos-rad")
+THRICE, DEFINED = "\\1{0}\\2{0}\\3{0}", "<property>{}</property>"
+NAMED = "fcs/p", "fcs/q", "fcs/r"
+BEHIND_TAIL = THRICE.format("fcs/fbw/horz-tail-pos-rad")
+AILERON = TAIL.replace("elevator", "left-aileron")
 NO_RUDDER = r"(?s)(.*)fcs/rudder-pos-rad(.*)fcs/rudder-pos-rad(.*)fcs/rudder-pos-rad"
 AT_LOW_SPEED = """<sum \\1><value>0.043</value><product><value>2</value><lt>
 <property>velocities/vt-fps</property><value>{}</value></lt></product></sum>"""
@@ -110,6 +113,24 @@ MODELS = {
             "elevator": {**FULL, "full_rad": [0.35, -0.35]},
             "rudder": {"travel_deg": [-11.46, 11.46], "full_rad": [-0.2, 0.2]},
         }}, [],
+    ),
+    "a command that is the position": (
+        [*flown_by("", tops=[f"<system name='o'>{DEFINED.format('fcs/a-rad')}</system>"]),
+         (AILERON, THRICE.format("fcs/a-rad"))],
+        {"told": lambda x: x["surfaces"]["aileron"].update(command="fcs/a-rad")},
+        {"surfaces": dict.fromkeys(POSITIONS, FULL) | {
+            "aileron": {
+                "travel_deg": [-57.3, 57.3], "full_rad": [-1.0, 1.0], "command": "fcs/a-rad",
+            },
+        }}, [],
+    ),
+    "positions of any name, one of the other sense": (
+        [*zip((AILERON, TAIL, NO_RUDDER), map(THRICE.format, NAMED), strict=True),
+         ("Cm_de.> <value> -0.99", 'Cm_de"> <value> 0.99'),
+         more("<system name='o'>", *map(DEFINED.format, NAMED), "</system>")], {},
+        {"surfaces": {x: {**FULL, "replaces": [y]} for x, y in zip(
+            POSITIONS, (NAMED[0], f"-{NAMED[1]}", NAMED[2]), strict=True)}},
+        [NO_USE],
     ),
     "drag at low speeds": (
         [*flown_by(), (C_D_0, AT_LOW_SPEED.format(2.1 * V_S / 0.3048))], {},
@@ -163,7 +184,7 @@ MODELS = {
         }, ["bypassed", "moves fcs/fbw/droop, fcs/fbw/slat-norm: held as in level flight"],
     ),
     "no rudder": (
-        [(NO_RUDDER, "\\1{0}\\2{0}\\3{0}".format("fcs/elevator-pos-rad"))], {},
+        [(NO_RUDDER, THRICE.format("fcs/elevator-pos-rad"))], {},
         {"surfaces": {x: BYPASSED["surfaces"][x] for x in ("aileron", "elevator")}},
         [NO_USE, "it has no rudder: yaw is left to the airframe"],
     ),
@@ -206,23 +227,6 @@ def test_what_is_found_of_a_model_is_what_it_was_given(name, own, surveyed):
         nutation, rpm = map(float, re.findall(r"(\S+) (?:rad/s|rpm)", found.notes[-1]))
         across = math.sqrt(1.135 * 1.759) / (14.5939 * 0.3048**2)  # slug ft^2
         assert nutation == pytest.approx(0.02 * rpm * math.pi / 30.0 / across, rel=0.02)
-
-
-@pytest.mark.slow
-def test_positions_of_any_name_move_the_surface_on_which_they_act_by_its_sense(own, surveyed):
-    file = own(("Cm_de.> <value> -0.99", 'Cm_de"> <value> 0.99'))
-    text, names = file.read_text(), ("fcs/p", "fcs/q", "fcs/r")
-    defined = "".join(f"<property>{name}</property>" for name in names)
-    for position, name in zip(POSITIONS.values(), names, strict=True):
-        text = text.replace(position, name)
-    file.write_text(
-        text.replace("</fdm_config>", f"<system name='o'>{defined}</system></fdm_config>")
-    )
-
-    surfaces = surveyed(file).tables["surfaces"]
-
-    assert [x["replaces"] for x in surfaces.values()] == [["fcs/p"], ["-fcs/q"], ["fcs/r"]]
-    assert all(x["full_rad"] == [-0.35, 0.35] for x in surfaces.values())
 
 
 @pytest.mark.soak
@@ -271,6 +275,9 @@ REFUSED = {
         ("(?s)<aerodynamics>.*</aerodynamics>", '<aerodynamics file="gone.xml"/>')
     ],
     r"^must be XML: mismatched tag: line \d+, column \d+": [("</axis>", "</axes>")],
+    "no lift or normal-force axis: DRAG, L2, PITCH, ROLL, SIDE, YAW": [
+        ('<axis name="LIFT">', '<axis name="L2">')
+    ],
     "its aerodynamics lack a moment axis: ROLL": [(ABOUT_X, '<axis name="roll2">')],
     r"its aileron command \(fcs/aileron-cmd-norm\) has no usable effect": [
         (rf"({ROLLED}){AILERON}", rf"\1<abs><property>{POSITION_READ}</property></abs>")
