@@ -55,17 +55,6 @@ def test_mass_lag_and_wind_of_a_flight_come_back(log):
     assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
 
 
-@pytest.mark.counts
-def test_the_mass_comes_back_without_load_factor_commands(log):
-    table = pd.read_csv(log).drop(columns="n_z_cmd")
-    table.to_csv(log.with_stem("without"), index=False)
-
-    gap = ft.gap(log.with_stem("without"), aircraft="c172p")
-
-    assert gap.factors["mass"][0] == pytest.approx(MASS, abs=2.0 * MASS_ERROR)
-    assert "The log has no load-factor commands: its load factor is flown" in gap.notes[0]
-
-
 @pytest.fixture(scope="module")
 def table():
     """Signals of the lags of the Aerosonde alone, which weave in moving air for 54 s."""
