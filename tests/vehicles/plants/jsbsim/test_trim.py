@@ -44,6 +44,22 @@ def test_what_stands_against_a_steady_flight_is_said(condition, message):
         ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
 
 
+@pytest.mark.parametrize(("V_a", "gamma_deg", "throttle"), [(40.0, 80.0, 1.0), (25.0, -20.0, 0.0)])
+def test_what_is_left_over_is_what_thrust_and_weight_lack_along_the_path(V_a, gamma_deg, throttle):
+    """By the coefficients of the README; a motor of 120 N, and 11 kg."""
+    weight, pressure_area, gamma = 11.0 * 9.80665, 0.5 * 1.1116 * V_a**2 * 0.55, gamma_deg * DEG
+    C_L = weight * math.cos(gamma) / pressure_area
+    drag = pressure_area * (0.043 + 0.0232 * C_L**2)
+    lacking = (120.0 * throttle - drag) / weight - math.sin(gamma)
+
+    with pytest.raises(ft.loop.PlantError) as error:
+        ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(V_a=V_a, gamma=gamma))
+
+    size, sense = re.search(r"left over: ([\d.]+) g (\w+)\)", str(error.value)).groups()
+    assert float(size) == pytest.approx(abs(lacking), abs=0.01)
+    assert sense == ("forward" if lacking > 0.0 else "backward")
+
+
 @pytest.mark.parametrize(
     ("pattern", "new", "words"),
     [
