@@ -99,13 +99,20 @@ def test_an_airspeed_outside_the_envelope_has_the_digits_that_it_deserves(V_a, g
     assert record["reason"] == said
 
 
-@pytest.mark.soak
-def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
+@pytest.mark.slow
+def test_a_glide_is_as_steep_as_its_drag_and_one_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
 
     slow, steady = ft.trim(folder, V_a=[2.0, 25.0]).records
+
     assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
-    assert steady["trim"]
+    weight, pressure_area = 11.0 * 9.80665, 0.5 * 1.1116 * 25.0**2 * 0.55
+    C_L = weight / pressure_area
+    glide = -math.atan((0.043 + 0.0232 * C_L**2) / C_L)
+    assert steady["gamma_deg"] == pytest.approx(glide / DEG, abs=0.1)
+    assert steady["trim"]["throttle"] == 0.0
+    with pytest.raises(ft.loop.PlantError, match=r"no engine and glides at -5\.\d+ deg"):
+        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
 
 
 LEVER = """<system name="lever"><channel name="lever"><fcs_function name="a/open"><function><table>
