@@ -159,7 +159,7 @@ FILTER = """<system name="lever"><property>a/lever</property><channel name="leve
 <output>fcs/throttle-pos-norm</output></lag_filter></channel></system>"""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_throttle_behind_a_filter_of_a_second_is_trimmed_as_without_it(tmp_path):
     folder = behind_lever(tmp_path / "filter", FILTER, settle_s=15.0)
 
