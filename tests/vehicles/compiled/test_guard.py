@@ -197,8 +197,10 @@ def test_a_check_does_not_wait_for_what_comes_in_flight(key, copies):
     assert why_not(copies(), fault={"from_s": 1.0, key: FAULT[key]}) == ""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("ended_by", ["cut", pytest.param("thrust", marks=pytest.mark.counts)])
+@pytest.mark.parametrize(
+    "ended_by",
+    [pytest.param("cut", marks=pytest.mark.soak), pytest.param("thrust", marks=pytest.mark.counts)],
+)
 def test_nor_for_what_ends(ended_by, copies):
     assert why_not(copies(), fault=FAULT | {"ended_by": ended_by}) == ""
 

@@ -152,7 +152,7 @@ PAGES = {
 }
 
 
-QUICK, LONGER = ("identified", "flown", "exported"), ("gap", "page of a campaign", "page of a band")
+QUICK, LONGER = ("identified",), ("exported", "gap", "page of a campaign", "page of a band")
 MARKS = dict.fromkeys(QUICK, pytest.mark.slow) | dict.fromkeys(LONGER, pytest.mark.soak)
 
 

@@ -76,6 +76,16 @@ def test_errors_to_the_north_and_to_the_east_are_drawn_apart(pair):
     assert abs(np.corrcoef(north, east)[0, 1]) < 5.0 / math.sqrt(200)
 
 
+def test_noises_of_different_signals_are_drawn_apart():
+    noise = {"roll_noise": 0.01, "n_z_noise": 0.01, "airspeed_noise": 0.1, "wind_sd": 1.0}
+    drawn = standard(seed=1, **ZERO | noise, wind_time_constant=0.1).errors(20_000, DT, V)
+
+    names = "V_a", "phi", "n_z", "acceleration", "wind_north", "wind_east"
+    apart = np.corrcoef(drawn[:, [ERRORS.index(name) for name in names]].T) - np.eye(len(names))
+    # 400 s hold 2000 independent values of a time constant of 0.1 s
+    assert np.abs(apart).max() < 5.0 / math.sqrt(2000)
+
+
 TURNS = [
     {"north_m": 0.0, "east_m": 0.0},
     {"north_m": 400.0, "east_m": 0.0},
