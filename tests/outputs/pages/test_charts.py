@@ -213,7 +213,7 @@ def around(results, tmp_path_factory):
     scenario = results.of("band").flights.scenario
     flown = ft.fly(scenario)
     ft.record(flown, folder / "run")
-    tube, band = ft.tube(scenario), results.of("band")
+    tube, band = results.of("tube"), results.of("band")
     tube.save(folder / "t.npz")
     band.save(folder / "b.npz")
     files = [folder / "t.npz", folder / "b.npz"]

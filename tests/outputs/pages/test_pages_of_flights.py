@@ -146,7 +146,6 @@ def test_a_page_first_says_how_many_flights_meet_follow_and_converge(four):
 
 MOVES = [
     # reference of the course and of the path angle, and its words
-    (0.0, 2.0, "the course stays at 0° and the path angle goes from 0° to 2°"),
     ([RAMPS], 0.0, "the course goes from 0° to 6° and the path angle stays at 0°"),
     (
         [RAMPS, RAMPS | {"start_s": 2.0, "rate_dps": -6.0}], -1.0,
