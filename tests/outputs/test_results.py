@@ -95,7 +95,7 @@ def digit(text):
             parts,
             id=name,
             marks=[pytest.mark.slow] * (name in SLOW) + [pytest.mark.soak] * (name in LONG),
-        )  # fmt: skip
+        )
         for name, status, *parts in ROWS
     ],
 )
