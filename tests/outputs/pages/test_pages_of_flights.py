@@ -244,6 +244,7 @@ def test_the_page_of_a_mission_has_its_conditions_its_gains_and_its_file(mission
     assert counted[:2] == [len(band.scores), band.about.learned]
     assert {"corridor", "fence", "not in it", "ground"} <= {*facts}
     assert "per flight hour" not in facts
+    assert page.count("Terrain was not looked at") == 2  # in the conditions and in the notes
     assert "room to turn back" not in facts
     assert facts["not in it"][0].startswith("Failures of engine")
     digest = hashlib.sha256((results.folder / "kept.npz").read_bytes()).hexdigest()
