@@ -96,7 +96,13 @@ def random_samples():
 
 
 @needs_compiler
-@pytest.mark.parametrize("settings", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(x, id=i, marks=[pytest.mark.counts] * i.startswith("no "))
+        for i, x in LAWS.items()
+    ],
+)
 def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
     law = ft.loop.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
     loop = Loop(c_source(law, title="a */ b", gains="c\nd"), tmp_path)

@@ -16,7 +16,7 @@ import pytest
 pytestmark = [pytest.mark.slow, pytest.mark.soak]
 
 COMMAND = [sys.executable, "-u", "-m", "flighttune", "open", "level_turn"]
-COMMAND += ["--set", "flight.duration_s=2"]
+COMMAND += ["--set", "flight.duration_s=4"]
 LONGEST_S = 120.0
 
 

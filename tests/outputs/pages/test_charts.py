@@ -140,6 +140,7 @@ def test_bars_of_a_gap_go_from_the_law_to_the_aircraft(of_runs):
             assert [x.tolist() for x, _ in joints] == [
                 pytest.approx([i - 0.32, i + 1.32], abs=0.02) for i in range(len(sums))
             ]
+            assert {x.get("stroke-width") for x in chart.paths} == {"0.8"}
             assert joints[-1][1] == pytest.approx(ends[1], abs=off)
             assert joints[0][1] == pytest.approx(ends[0], abs=off)
             told = [number(text.replace("+", "")) for text in chart.texts()]
@@ -213,7 +214,7 @@ def around(results, tmp_path_factory):
     scenario = results.of("band").flights.scenario
     flown = ft.fly(scenario)
     ft.record(flown, folder / "run")
-    tube, band = ft.tube(scenario), results.of("band")
+    tube, band = results.of("tube"), results.of("band")
     tube.save(folder / "t.npz")
     band.save(folder / "b.npz")
     files = [folder / "t.npz", folder / "b.npz"]

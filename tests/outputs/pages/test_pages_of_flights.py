@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from commands import flighttune
 from drawn import drawn
-from made_up import made_up_scenario
+from made_up import made_up_scenario, scenario_file
 
 import flighttune as ft
 
@@ -146,7 +146,6 @@ def test_a_page_first_says_how_many_flights_meet_follow_and_converge(four):
 
 MOVES = [
     # reference of the course and of the path angle, and its words
-    (0.0, 2.0, "the course stays at 0° and the path angle goes from 0° to 2°"),
     ([RAMPS], 0.0, "the course goes from 0° to 6° and the path angle stays at 0°"),
     (
         [RAMPS, RAMPS | {"start_s": 2.0, "rate_dps": -6.0}], -1.0,
@@ -245,6 +244,7 @@ def test_the_page_of_a_mission_has_its_conditions_its_gains_and_its_file(mission
     assert counted[:2] == [len(band.scores), band.about.learned]
     assert {"corridor", "fence", "not in it", "ground"} <= {*facts}
     assert "per flight hour" not in facts
+    assert page.count("Terrain was not looked at") == 2  # in the conditions and in the notes
     assert "room to turn back" not in facts
     assert facts["not in it"][0].startswith("Failures of engine")
     digest = hashlib.sha256((results.folder / "kept.npz").read_bytes()).hexdigest()
@@ -291,3 +291,69 @@ def test_the_map_of_a_mission_has_its_corridor_fence_and_nearest_place(mission):
     assert height.x_ends == pytest.approx([0.0, x.max()], abs=1e-3)
     (planned,) = height.lines(part="planned")
     assert planned[1] == pytest.approx(np.zeros(len(planned[1])), abs=0.05)
+
+
+def axis_of(values, row):
+    """From the best candidate to a little beyond bound, start and result, with a twentieth."""
+    marked = [row[key] for key in ("bound", "start", "value") if np.isfinite(row[key])]
+    finite = [*marked, *(x for x in values if np.isfinite(x))]
+    wide = max(marked) - min(marked) or abs(row["bound"])
+    low, high = max(min(finite), min(marked) - wide), min(max(finite), max(marked) + wide)
+    room = 0.05 * (high - low) or wide
+    return [low - room, high + room]
+
+
+@pytest.mark.slow
+def test_the_page_of_a_search_has_its_candidates_between_bounds_start_and_result(results):
+    meeting = results.of("meeting")
+    turn = results.folder / "meet.toml"
+    scenario_file(turn, meeting.scenario)
+    command = ["meet", turn.name, "--budget", "12", "--page", "met.html", "--workers", "1"]
+    flighttune(*command, cwd=results.folder)
+
+    page = (results.folder / "met.html").read_text(encoding="utf-8")
+    charts = [x for x in drawn(page) if " against " in x.title]
+    itae, gain, phase = meeting.requirements
+    every = [[trial.checks[0][i].value for trial in meeting.trials] for i in range(3)]
+    places = {id(row): values for row, values in zip((itae, gain, phase), every, strict=True)}
+    for chart, (across, up) in zip(
+        charts, ((phase, itae), (phase, gain), (itae, gain)), strict=True
+    ):  # those with the least to spare come first
+        x, y = places[id(across)], places[id(up)]
+        assert chart.x_ends == pytest.approx(axis_of(x, across), rel=1e-4)
+        assert chart.y_ends == pytest.approx(axis_of(y, up), rel=1e-4)
+        upright = next(p for p in chart.paths if "V" in p.get("d"))
+        level = next(p for p in chart.paths if "H" in p.get("d"))
+        off = [2.0 * chart.off(1.0, axis) for axis in ("x", "y")]
+        assert chart.curve(upright)[0][0] == pytest.approx(across["bound"], abs=off[0])
+        assert chart.curve(level)[1][0] == pytest.approx(up["bound"], abs=12.0 * off[1])
+        candidates, start, result = chart.points()
+        ends = np.array([chart.x_ends, chart.y_ends])
+        far = ends[:, :1] - 10.0 * np.ptp(ends, axis=1)[:, None]
+        near = ends[:, :1] + 11.0 * np.ptp(ends, axis=1)[:, None]
+        places_of = np.clip([x, y], far, near)  # what is further out is drawn there
+        there = ~np.isnan(np.array(x) + np.array(y))
+        for found, wanted, axis in zip(candidates[:2], places_of, ends, strict=True):
+            assert found == pytest.approx(wanted[there], abs=0.05 * np.ptp(axis))
+        for (a, b, _), key in ((start, "start"), (result, "value")):
+            if np.isfinite([across[key], up[key]]).all():
+                at = across[key], up[key]
+                assert (float(a[0]), float(b[0])) == pytest.approx(at, rel=0.01)
+        # a candidate that misses another requirement is hollow
+        (third,) = {0, 1, 2} - {[itae, gain, phase].index(r) for r in (across, up)}
+        met = np.array([trial.excess[0][third] <= 0.0 for trial in meeting.trials])[there]
+        hollow = [one.get("fill") == "var(--paper)" for one in chart.dots[0]]
+        assert hollow == (~met).tolist()
+        sizes = [float(group[0].get("r") or 5.0) for group in chart.dots]
+        assert sizes == [2.5, 5.0, 5.0]
+    assert "paper" in page
+    assert {"kinematic / found", "kinematic / paper"} <= {*re.findall(r'data-run="([^"]*)"', page)}
+    flighttune("tune", turn.name, "--page", "tuned.html", cwd=results.folder)
+    tuned = (results.folder / "tuned.html").read_text(encoding="utf-8")
+    row = next(x for x in facts_of(tuned) if x[0] == "kinematic" and len(x) > 4)
+    own = ft.fly(meeting.scenario, "tuned").runs[0]
+    with_paper = ft.fly(meeting.scenario, "paper").runs[0]
+    told = [float(row[i]) for i in (3, 4)]
+    wanted = [ft.loop.channel_metrics(run).at["chi", "ITAE"] for run in (own, with_paper)]
+    assert told == pytest.approx(wanted, rel=2e-3)
+    assert "Requirements met: kinematic 1/1." in tuned

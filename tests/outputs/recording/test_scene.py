@@ -215,6 +215,12 @@ def test_the_layout_gives_each_part_its_share(flown, tmp_path):
     assert {tuple(np.round(x, 6)) for x in rows} >= {(0.05, 0.95)}
     (across,) = [x for x in found.layout("ContainerBlueprint:col_shares") if x and len(x) == 3]
     assert across == pytest.approx([0.46, 0.31, 0.23])
+    shown = found.layout("PlotLegend:visible")  # a legend would cover small plots
+    assert shown
+    assert not any(x[0] for x in shown if x)
+    ups = [x[0] for x in found.layout("EyeControls3D:eye_up") if x]
+    assert [list(x) for x in ups] == [[0.0, 0.0, -1.0]] * 2
+    assert not any(x[0] for x in found.layout("ViewportBlueprint:auto_layout") if x)
     origins = {x[0] for x in found.layout("ViewBlueprint:space_origin") if x}
     assert {"/plots/chi_err", "/plots/gamma_err"} <= {f"/{x.strip('/')}" for x in origins}
     assert found.layout("ContainerBlueprint:active_tab") is not None
