@@ -522,7 +522,7 @@ def test_a_vehicle_without_wings_and_another_file_are_refused(tmp_path, write, w
 
 @pytest.mark.soak
 def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path):
-    layouts = [f"m{k}:m{k + 1}[65535] a;" for k in range(4)]
+    layouts = [f"m{k}:m{k + 1}[65535] {'a' * 200};" for k in range(4)]
     layouts = [*layouts, "m4:uint8_t x;", "vehicle_attitude:uint64_t timestamp;m0[65535] q;"]
     data = [b"ULog\x01\x12\x35\x01" + bytes(8), message("B", bytes(40))]
     data += [message("F", layout.encode()) for layout in layouts]

@@ -131,7 +131,7 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(read):
     )
 
 
-@settings(max_examples=20)
+@settings(max_examples=6)
 @given(
     lat=st.floats(-80.0, 80.0),
     lon=st.floats(-180.0, 180.0),
