@@ -153,14 +153,6 @@ def test_a_route_that_cannot_be_read_is_refused(change, message):
         scenario(LAW, **change)
 
 
-@pytest.mark.parametrize("command", ["tube", "export"])
-def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_path):
-    options = {"export": ("--out", tmp_path / "out")}
-    _, said = flighttune(command, "circuit", *options.get(command, ()), status=2)
-
-    assert "`route` must be absent" in said
-
-
 def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):
     text = (SHIPPED_SCENARIOS / "circuit.toml").read_text()
     file = tmp_path / "low.toml"
