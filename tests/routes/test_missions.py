@@ -131,7 +131,7 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(read):
     )
 
 
-@settings(max_examples=20)
+@settings(max_examples=6)
 @given(
     lat=st.floats(-80.0, 80.0),
     lon=st.floats(-180.0, 180.0),
@@ -377,14 +377,11 @@ def test_an_item_that_cannot_be_flown_is_refused_by_its_number_with_and_without_
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("count", [5000, 5001])
-def test_a_plan_has_at_most_5000_items(read, count):
-    items = [*PATROL, *[CAMERA] * (count - 4)]
-    if count == 5000:
-        assert read(*items).names == ["item 1", "item 2", "item 3", "item 4"]
-        return
+def test_a_plan_has_at_most_5000_items_and_may_be_slow(read):
+    mission = {"plannedHomePosition": [*HOME], "items": [*PATROL, *[CAMERA] * 4996]}
+    assert len(read(mission=mission | {"cruiseSpeed": 0.5}).names) == 4
     with pytest.raises(ft.InputError, match="at most 5000"):
-        read(*items)
+        read(*mission["items"], CAMERA)
 
 
 @pytest.mark.parametrize("key", ["type", "command", "frame", "params"])

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import pytest
 import tomlkit
-from commands import answer
 from made_up import made_up_scenario, scenario_tables
 from places import SHIPPED_AIRCRAFT
 from scipy.integrate import quad
@@ -209,21 +208,3 @@ def test_gap_says_what_planning_takes_away():
     planning = answer.values["planning"]["chi"]
     assert planning["planned"] < 0.3 * DEG < 6.0 * DEG < planning["unplanned"]
     assert any("Planning roll and lift takes" in note for note in answer.notes)
-
-
-def test_a_new_scenario_rolls_in(tmp_path):
-    answer("new", "mine", "--aircraft", "c172p", cwd=tmp_path)
-
-    assert ft.load_scenario(tmp_path / "mine.toml").rolls_in
-
-
-def test_the_corner_that_is_rounded_by_the_most_is_told():
-    corners = [(0.0, 0.0), (900.0, 0.0), (1400.0, 900.0), (0.0, 1400.0)]
-    legs = [{"north_m": north, "east_m": east} for north, east in corners]
-    planned = ft.route("circuit", changes={"route.waypoint": legs})
-    path = planned.reference.path
-    away = [np.hypot(path.north - n, path.east - e).min() for n, e in corners[1:-1]]
-
-    assert max(away) > min(away) + 1.0
-    (said,) = (note for note in planned.changed if "rounds the corners" in note)
-    assert f"passes their waypoints at up to {max(away):.0f} m." in said
