@@ -23,7 +23,7 @@ ONLY_IN = {
     "distributed": "campaigns/engine/cluster",
     "gymnasium": "gym.py",
     "jsbsim": "vehicles/plants/jsbsim",
-    "llvmlite": "vehicles/compiled/machine.py",
+    "llvmlite": "compiled/machine.py",
     "numba": "flight/loop/kernel.py",
     "pymavlink": "logs/read.py",
     "pyulog": "logs/read.py",
