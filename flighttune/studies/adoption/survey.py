@@ -18,6 +18,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
+from flighttune.base.files.xml import found_file, read_xml
 from flighttune.base.units import DEG, FT, G_0
 from flighttune.base.words import listed
 from flighttune.studies.adoption import reads
@@ -29,7 +30,7 @@ from flighttune.vehicles.aircraft.aircraft import (
     aircraft_from,
     property_name,
 )
-from flighttune.vehicles.aircraft.model_xml import found_file, in_inches, read_xml
+from flighttune.vehicles.aircraft.model_xml import in_inches
 from flighttune.vehicles.plants.jsbsim import model_files, properties
 from flighttune.vehicles.plants.jsbsim.bench import (
     EFFECTS,
