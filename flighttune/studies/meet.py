@@ -451,7 +451,7 @@ class Search:
             others = np.delete(excess, i, axis=1).max(axis=1, initial=-LOST) <= 0.0
             # Flights that do not follow all have one excess: their values rank them.
             sign = 1.0 if nearest.checks[0][i].sense == "at_most" else -1.0
-            values = [sign * trial.checks[0][i].value for trial in trials]
+            values = np.array([sign * trial.checks[0][i].value for trial in trials])
             ranked = np.lexsort((values, excess[:, i]))
             beside = [trials[k].checks[0][i].value for k in ranked if others[k]]
             yield {
