@@ -130,6 +130,8 @@ def test_a_count_that_is_stopped_says_where_its_flights_are_kept(here, monkeypat
     assert not (here / "runs" / "turn-band.npz").exists()
 
 
+# Where it lands in a listing of a folder, Python closes that late.
+@pytest.mark.filterwarnings("ignore:unclosed scandir:ResourceWarning")
 def test_ctrl_c_ends_a_command_that_keeps_nothing_with_130(here, monkeypatch):
     _, shown = at_a_terminal(
         monkeypatch, "tune paper --out g.json", until="...", number=signal.SIGINT, status=130

@@ -29,7 +29,7 @@ def overshoot(y, y_0, y_1):
 def test_rolls_30_deg_fast_and_well_damped(fly, holding_gamma, name, value, sign):
     phi_1 = sign * 30.0 * DEG
 
-    flight = fly(holding_gamma(phi_1), **{name: value}, duration=3.0, dt=FINE)
+    flight = fly(holding_gamma(phi_1), **{name: value}, duration=4.0, dt=FINE)
 
     assert time_to_90_percent(flight.t, flight["phi"], 0.0, phi_1) <= ROLL_T90
     assert overshoot(flight["phi"], 0.0, phi_1) <= ROLL_OVERSHOOT
