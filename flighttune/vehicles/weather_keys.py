@@ -9,7 +9,14 @@ from pydantic import Field, model_validator
 from flighttune.base import quantities as q
 from flighttune.base.units import DEG
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.vehicles.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
+from flighttune.vehicles.plants.weather import (
+    NED,
+    BodyAxis,
+    Gust,
+    Turbulence,
+    TurbulenceModel,
+    WindProfile,
+)
 
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 
@@ -60,7 +67,7 @@ def _blowing(speed: float, from_deg: float, down: float) -> NED:
 class GustTable(q.Table):
     """``[gust]``: one 1-cosine gust, whose length is flown through at the initial airspeed."""
 
-    axis: Literal["ahead", "right", "down"]  # body axis at its beginning
+    axis: BodyAxis  # body axis at its beginning
     peak_mps: q.Wind
     start_s: q.Instant
     length_m: q.Length  # length of each flank, flown through at the initial airspeed
