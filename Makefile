@@ -8,7 +8,7 @@ DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo check test soak counts strength lint docs bench bounds clean picture-packages
+.PHONY: demo ready check test soak counts strength lint docs bench bounds clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
@@ -36,7 +36,7 @@ check: $(STAMP)
 	wait $$types; status=$$?; cat $(VENV)/pyright.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
 # The types of all files take longer than the tests: `make check` looks at those that differ, CI at all.
-test: $(STAMP) picture-packages
+test: ready
 	$(WARM)
 	$(PYTEST) -m $(SELECTED)
 
@@ -46,17 +46,17 @@ WARM = $(PYTHON) tests/compile_kernels.py & rm -rf $(VENV)/compiled; \
 	$(VENV)/bin/flighttune --workers 1 campaign first_campaign --runs 4 -q --out $(VENV)/compiled; wait $$!
 
 # What takes long: whole commands, campaigns, missions, benchmarks, every picture at every size.
-soak: $(STAMP) picture-packages
+soak: ready
 	$(PYTEST) -m "soak and not counts"
 
 # Thousands of cases of what the other tests prove on a few; prints what became of every kind of file.
-counts: $(STAMP) picture-packages
+counts: ready
 	$(PYTEST) -m counts -rP
 
 # Breaks LINES lines of the package on purpose, one after the other, and counts those that the tests
 # notice; in a clone of its own, which it writes to. The same SEED draws the same lines.
 LINES := 60
-strength: $(STAMP) picture-packages
+strength: ready
 	rm -rf build/strength && git clone -q . build/strength
 	cd build/strength && export PYTHONPATH=$$PWD/tests:$$PWD && \
 	$(abspath $(PYTHON)) -m strength learn && \
@@ -89,6 +89,10 @@ $(STAMP): pyproject.toml
 	$(PIP) 'uv>=0.5,<1' && $(UV) pip install --quiet --python $(PYTHON) --editable '.[dev]' \
 	|| $(PIP) --editable '.[dev]'
 	touch $@
+
+# A new machine gets packages of Python and of Debian at the same time.
+ready:
+	@$(MAKE) --no-print-directory -j2 $(STAMP) picture-packages
 
 # The picture tests look at recordings in a headless viewer, which needs a software Vulkan driver, and
 # at pages in a browser; exported C needs a compiler. They are installed where this can be done

@@ -24,14 +24,15 @@ from flighttune import load_scenario, scenario_from
 from flighttune.base.files.code import JSBSIM
 from flighttune.campaigns.flying import rows
 from flighttune.campaigns.planning.plan import Plan
+from flighttune.compiled.aircraft import CompiledStep
 from flighttune.flight.entry import entry_of
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.loop import aircraft, loop
 from flighttune.flight.models import gain_set
-from flighttune.vehicles.compiled.face import CompiledStep, compiled
 from flighttune.vehicles.plants.base import FlightCondition
 from flighttune.vehicles.plants.jsbsim import trim
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.steps import compiled, start_of
 
 REPEATS, STEPS = (1, 500) if running.QUICK else (7, 4000)
 LEAST_RATIO = {"step": 18.0, "still air": 12.0, "turbulence": 10.0, "row": 5.0, "settling": 5.0}
@@ -54,7 +55,7 @@ def steps() -> tuple[float, float]:
     step = compiled(plant.config)
     assert isinstance(step, CompiledStep), step
     plant.start(condition)
-    start = step.start_from(plant)
+    start = start_of(step, plant)
     plant.start(condition)
     assert plant.fdm is not None
     run = plant.fdm.run

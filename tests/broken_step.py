@@ -16,9 +16,9 @@ from contextlib import nullcontext, redirect_stderr
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-COMPILED = "flighttune/vehicles/compiled"
+COMPILED = "flighttune/compiled"
 GRAVITY = 'now.gravity = gravity(now.vector(POSITION), now["_radius"], model.planet)'
-COMPARED = "    actual = _flown_compiled(step, plant, config, steps)[:, places]\n"
+COMPARED = "    actual = _flown_compiled(step, flight, steps)[:, places]\n"
 BROKEN = {
     f"{COMPILED}/run.py": (GRAVITY, f"{GRAVITY[:-1]}._replace(GM=model.planet.GM * (1 + 1e-15)))"),
     # A check flight does not meet each fault of a step.

@@ -6,7 +6,7 @@ import numpy as np
 from airframes import varied
 
 import flighttune as ft
-from flighttune.vehicles.compiled import face
+from flighttune.vehicles.plants.jsbsim import steps
 
 SEED = 7
 
@@ -21,14 +21,14 @@ def step_of(config, weather=None, **settings):
     """The compiled step of an aircraft in this weather; a step that is refused fails the test."""
     turbulence, gust = (weather.turbulence, weather.gust) if weather else (None, None)
     model = turbulence and turbulence.model
-    step = face.compiled(config, turbulence=model, gust=gust is not None, **settings)
-    assert isinstance(step, face.CompiledStep), step.reason
+    step = steps.compiled(config, turbulence=model, gust=gust is not None, **settings)
+    assert not hasattr(step, "reason"), step.reason
     return step
 
 
 def why_not(aircraft, **keys):
     """Why JSBSim flies an aircraft itself, with the keys of `airframe`; empty if it is compiled."""
-    return face.not_compiled(varied(aircraft, **keys))
+    return steps.not_compiled(varied(aircraft, **keys))
 
 
 def started(aircraft, condition=None, fdm=None, **settings):
@@ -52,9 +52,9 @@ def flown_by_both(aircraft, seconds, condition=None, *, starts=False, **settings
     for k, row in enumerate(expected):
         assert plant.advance(*commands(k / fdm.rate), 1.0 / fdm.rate) is None
         row[:] = [value() for value in read]
-    by_code = face.evaluated(config, ground=settings.get("ground", 0.0)) if starts else None
+    by_code = steps.evaluated(config, ground=settings.get("ground", 0.0)) if starts else None
     assert bool(by_code) == starts
-    start = step.start_from(started(aircraft, condition, by_code, **settings))
+    start = steps.start_of(step, started(aircraft, condition, by_code, **settings))
     levers = [names.parameters.index(f"ft/{name}") for name in ("phi-cmd-rad", "n_z-cmd")]
     shown = np.empty(len(names.signals) + len(names.properties))
     stream = step.normals(start.random, count)

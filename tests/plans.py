@@ -5,6 +5,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from geographiclib.geodesic import Geodesic
 
 import flighttune as ft
 
@@ -40,14 +41,14 @@ def ground(lat):
     return HOME[2] + SLOPE * (lat - HOME[0])
 
 
-def terrain(path, *, lost=None, units=None, **profile):
-    """A plane that rises to the north, with posts every 0.001 deg; `lost` has no height."""
+def terrain(path, *, lost=None, value=-9999.0, units=None, **profile):
+    """A plane that rises to the north, with posts every 0.001 deg; `lost` has no height, or one."""
     import rasterio  # an extra
 
     north, west, step, size = 47.43, 8.48, 0.001, (50, 60)
     heights = np.tile(ground(north - step * (np.arange(size[0])[:, None] + 0.5)), (1, size[1]))
     if lost is not None:
-        heights[lost] = -9999.0
+        heights[lost] = value
     made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": "EPSG:4326", "nodata": -9999}
     made |= {"height": size[0], "width": size[1], **profile}
     made["transform"] = rasterio.Affine(step, 0.0, west, 0.0, -step, north)
@@ -112,3 +113,10 @@ def route_of(points, able=ABILITY, **route):
 def plan(points, able=ABILITY, **route):
     """The path of such a route."""
     return route_of(points, able, **route).reference.path
+
+
+def metres(lat, lon, origin=HOME):
+    """North and east of a place, m, by distance and azimuth of its geodesic."""
+    line = Geodesic.WGS84.Inverse(*origin[:2], lat, lon)
+    azimuth = math.radians(line["azi1"])
+    return line["s12"] * math.cos(azimuth), line["s12"] * math.sin(azimuth)

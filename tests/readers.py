@@ -4,13 +4,13 @@ import shutil
 
 import numpy as np
 
+from flighttune.base.files import xml
 from flighttune.campaigns.engine import fliers, kept, pool
 from flighttune.campaigns.planning import forecast
 from flighttune.claims import rates_keys
 from flighttune.logs import parameters
 from flighttune.routes import fence, maps, mission
 from flighttune.studies.adoption import flightgear
-from flighttune.vehicles.aircraft import model_xml
 
 HOME = 47.4, 8.5
 
@@ -33,7 +33,7 @@ def read_forecast(path, heights=(20.0, 100.0)):
 
 
 def read_model(path):
-    return model_xml.read_xml(path, str(path))
+    return xml.read_xml(path, str(path))
 
 
 def kept_flights(path, plan=None):

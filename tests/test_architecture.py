@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -23,7 +25,7 @@ ONLY_IN = {
     "distributed": "campaigns/engine/cluster",
     "gymnasium": "gym.py",
     "jsbsim": "vehicles/plants/jsbsim",
-    "llvmlite": "vehicles/compiled/machine.py",
+    "llvmlite": "compiled/machine.py",
     "numba": "flight/loop/kernel.py",
     "pymavlink": "logs/read.py",
     "pyulog": "logs/read.py",
@@ -201,6 +203,33 @@ def test_a_result_without_a_row_says_where_it_must_have_one():
 
     with pytest.raises(NotImplementedError, match=r"`Mute` must have a row in the tables of"):
         Mute().answer()
+
+
+# Rooms that may become distributions of their own: libraries and rooms that all their modules load.
+STAND_ALONE = {"compiled": {"numpy", "base"}}
+
+LOADED = """
+import sys, time
+before, began = set(sys.modules), time.process_time()
+for module in sys.argv[1:]:
+    __import__(module)
+took = time.process_time() - began
+print(*{name for name in sys.modules if name not in before}, took)
+"""
+
+
+@pytest.mark.parametrize("room", STAND_ALONE)
+def test_a_room_that_stands_alone_loads_little(room):
+    own = [name for name in MODULES if folder_of(name, 1) == f"flighttune.{room}"]
+    command = [sys.executable, "-c", LOADED, *own]
+    runs = [subprocess.check_output(command, cwd=ROOT, text=True).split() for _ in range(3)]
+    *names, _ = runs[0]
+    loaded = {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"flighttune"}
+    loaded |= {folder_of(name, 1).removeprefix("flighttune.") for name in names if name in MODULES}
+
+    assert {*own} <= {*names}
+    assert loaded - {room} == STAND_ALONE[room]
+    assert min(float(took) for *_, took in runs) < 0.5  # s of processor time
 
 
 @pytest.mark.parametrize("library", ONLY_IN)

@@ -12,20 +12,23 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 import flighttune as ft
-from flighttune.flight.models import gain_set
 
 # A corridor in which the law flies a leg, a turn of 73 deg and a leg, m.
 CORRIDOR_M = 1.0
 
 
 FED = "exact:tuned_fed_back"
+SOFT = {
+    "name": "soft", "law": "exact", "K_P": [[2.87, 0.0], [0.0, 2.51]],
+    "K_I": [[1.16, 0.0], [0.0, 0.948]], "feedback": [0.43, 0.306],
+}  # fmt: skip
+"""About what tuning finds for the circuit, which takes its time."""
 
 
 def route_of(waypoints, **flight):
-    """The first legs of the circuit, with its gains as numbers: tuning depends on the seed."""
-    scenario = ft.load_scenario("circuit")
-    tables = scenario.as_dict()
-    tables["gains"] = [{"name": "soft", **gain_set(scenario, FED).as_lists()}]
+    """The first legs of the circuit, with gains as numbers: tuning depends on the seed."""
+    tables = ft.load_scenario("circuit").as_dict()
+    tables["gains"] = [SOFT]
     tables["route"]["waypoint"] = tables["route"]["waypoint"][:waypoints]
     tables["flight"] |= flight
     return ft.scenario_from(tables)
@@ -65,7 +68,7 @@ def test_the_law_has_gains_tuned_for_the_aircraft_where_others_are_listed_before
     assert actions[None] == actions[FED] != actions["exact:paper"]
 
 
-@pytest.mark.parametrize("world", ["mission", *slow("circuit_in_wind", "speed_change_in_turn")])
+@pytest.mark.parametrize("world", ["mission", *slow("speed_change_in_turn")])
 def test_it_keeps_the_rules_of_gymnasium(world):
     with warnings.catch_warnings():
         # commands are in their units, and no error of a flight has a bound

@@ -449,12 +449,15 @@ class Search:
         excess = np.array([trial.excess[0] for trial in trials])
         for i in self.conflicting(nearest):
             others = np.delete(excess, i, axis=1).max(axis=1, initial=-LOST) <= 0.0
-            alone = np.argmin(excess[:, i])
-            beside = np.argmin(np.where(others, excess[:, i], np.inf))
+            # Flights that do not follow all have one excess: their values rank them.
+            sign = 1.0 if nearest.checks[0][i].sense == "at_most" else -1.0
+            values = np.array([sign * trial.checks[0][i].value for trial in trials])
+            ranked = np.lexsort((values, excess[:, i]))
+            beside = [trials[k].checks[0][i].value for k in ranked if others[k]]
             yield {
                 **stated(nearest.checks[0][i]),
-                "alone": trials[alone].checks[0][i].value,
-                "beside": trials[beside].checks[0][i].value if others.any() else None,
+                "alone": trials[ranked[0]].checks[0][i].value,
+                "beside": beside[0] if beside else None,
             }
 
 

@@ -81,7 +81,8 @@ def trim(
     >>> ft.trim("a4", V_a=[50.0], gamma=[0.0]).records[0]["trim"] is None
     True
     """
-    from flighttune.vehicles.compiled import face  # here: the help of a command must be quick
+    # Here: the help of a command must be quick.
+    from flighttune.vehicles.plants.jsbsim import steps
 
     config = load_aircraft(aircraft)
     records = trim_table(config, V_a=V_a, gamma=gamma, phi=phi, h=h)
@@ -89,5 +90,5 @@ def trim(
         aircraft=str(aircraft),
         title=config.title,
         records=records,
-        not_compiled=face.not_compiled(config),
+        not_compiled=steps.not_compiled(config),
     )

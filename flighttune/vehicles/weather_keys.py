@@ -7,16 +7,10 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, model_validator
 
 from flighttune.base import quantities as q
+from flighttune.base.gusts import BodyAxis
 from flighttune.base.units import DEG
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.vehicles.plants.weather import (
-    NED,
-    BodyAxis,
-    Gust,
-    Turbulence,
-    TurbulenceModel,
-    WindProfile,
-)
+from flighttune.vehicles.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
 
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 

@@ -37,7 +37,17 @@ def elsewhere(*words):
     return subprocess.run(command, env=ELSEWHERE, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.slow
+def test_a_flight_names_the_c_library_and_the_machine():
+    (run, *_) = ft.fly("level_turn", gains=["paper"]).runs
+
+    name, version = platform.libc_ver()
+    said = run.provenance.versions["libc"]
+    known = f"{name} {version} {platform.machine()}, values "
+    assert said.startswith(known)
+    assert len(bytes.fromhex(said.removeprefix(known))) == 6
+
+
+@pytest.mark.soak
 def test_another_processor_differs_by_the_c_library_alone(tmp_path):
     ft.record(ft.fly("paper_as_printed", gains=["paper"]), tmp_path, name="run")
 

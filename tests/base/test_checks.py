@@ -1,9 +1,12 @@
 """What a user gives is checked where it is given: both ends of a range, the kind, and the shape."""
 
+import inspect
 import math
 import re
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import flighttune as ft
@@ -164,3 +167,82 @@ def test_matrices_of_a_value_are_its_own_and_cannot_be_changed():
     for array in (gains.K_P, gains.K_I, limits.lower, limits.rate_upper):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+# A function, one of its arguments, values of its kind, and others with words of the refusal.
+WORD, LONG_PATH = "x" * 255, "x/" * 2047
+ARGUMENTS = [
+    (ft.band, "source", ["nowhere", Path("nowhere"), WORD, LONG_PATH], [
+        (WORD + "x", "a name or path that files can have"), (LONG_PATH + "x/", "a name or path"),
+        ("a\0b", "a name or path"), (3, "text or a path, got 3."), (None, "got None"),
+        (pd.DataFrame(), "got a DataFrame"), (10**20, "a whole number of 21 digits"),
+        (10**19, "got 1" + "0" * 19), (np.zeros(3), "got an array"), (object(), "got an object"),
+        ([1], "got a list"), (2.5, "got 2.5"), (1j, "got 1j"), (True, "got True"),
+    ]),
+    (ft.band, "flights", [None, 3, np.int64(3), 2**31 - 1], [
+        (2**31, "a whole number or None, got 2147483648"), (-(2**31), "got -2147483648"),
+        (True, "got True"), (3.0, "got 3.0"), ("a" * 78, repr("a" * 78)),
+        ("a" * 79, "'" + "a" * 39 + " ..."),
+    ]),
+    (ft.band, "epsilon", [None, 0.5, np.float32(0.5), 1], [("1", "a number or None"), (1j, "1j")]),
+    (ft.band, "signals", [None, ["h"], ("h",), iter(["h"]), {"h"}, iter([3])], [
+        ("h", "a list, each text or None, got 'h'"), (b"h", "got b'h'"), ([3], "got a list"),
+        ({3}, "got a set"), (3, "got 3"),
+    ]),
+    (ft.band, "predicted_from", [None, "wind"], [("air", "'wind' or None, got 'air'"), (["wind"],
+                                                                                      "a list")]),
+    (ft.band, "changes", [None, {}, {"seed": 3}], [
+        ({3: 1}, "text, got 3."), ([("a", 1)], "a dictionary or None, got a list"),
+    ]),
+    (ft.band, "workers", [None, 2], [("2", "a whole number or None, got '2'")]),
+    (ft.band, "observer", [None, ft.CampaignObserver()], [(3, "a CampaignObserver"), ("x", "'x'")]),
+    (ft.mission, "until_sure", [True, np.bool_(False)], [(1, "true or false, got 1."), (0, "0")]),
+    (ft.mission, "fences", [(), ["x"], (Path("x"),)], [
+        ("x", "a list, each a path or text, got 'x'"), ([3], "got a list"), (iter(["x"]), "got a"),
+        (["x", None], "got a list"),
+    ]),
+    (ft.mission, "navigation", ["rtk", None], [("gps", "'exact' or 'rtk' or"), (3, "got 3")]),
+    (ft.fly, "progress", [None, print], [(3, "a function or None, got 3")]),
+    (ft.certify, "lag", [[0.1, 0.2], [[0.1], [0.2]]], [("12", "a list, each"), (3, "got 3")]),
+]  # fmt: skip
+
+
+def said_of(call, options):
+    try:
+        call(**options)
+    except ft.InputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(("function", "name", "taken", "others"), ARGUMENTS)
+def test_an_argument_is_of_its_kind_before_anything_is_read(function, name, taken, others):
+    first = next(iter(inspect.signature(function).parameters))
+    for value in taken:
+        said = said_of(function, {first: "nowhere", name: value})
+        assert said
+        assert not re.match(rf"`{name}` must be (a |text|true|')", said), said
+    for value, words in others:
+        said = said_of(function, {first: "nowhere", name: value})
+        assert re.match(rf"(each name in )?`{name}` must be ", said.replace("in `", "in `")), said
+        assert words in said, said
+        assert len(said) < 1100
+
+
+def test_another_name_or_number_of_arguments_is_a_type_error_of_the_call():
+    for call in (lambda: ft.band("x", unknown=3), lambda: ft.band(), lambda: ft.band("x", "y", 3)):
+        with pytest.raises(TypeError, match=r"^band\(\) "):
+            call()
+
+
+@pytest.mark.parametrize("faults", [1, 2, 5, 6, 12])
+def test_as_many_mistakes_are_told_as_fit_a_line_and_the_others_are_counted(faults):
+    wrong = {f"unknown_{i}": 1 for i in range(faults)}
+    with pytest.raises(ft.ScenarioError) as refused:
+        ft.scenario_from({**scenario_with("title", "x").as_dict(), **wrong})
+    told, more = len(re.findall("`unknown_", str(refused.value))), re.findall(
+        r"and (\d+) more", str(refused.value))  # fmt: skip
+    assert told + sum(map(int, more)) == faults
+    assert bool(more) == (faults > told)
+    assert told == min(faults, 5)
+    assert str(refused.value).endswith(".")

@@ -1,7 +1,6 @@
 """Gains beside the guidance that a user flies now, on the same draws."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,19 +24,6 @@ def file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def comparison(file):
     return ft.compare("circuit_in_wind", autopilot=file, **FEW)
-
-
-@pytest.mark.soak
-def test_a_stopped_comparison_names_the_file_with_which_it_goes_on(file, tmp_path):
-    kept, observer = tmp_path / "kept.jsonl", ft.CampaignObserver()
-    observer.see = lambda progress: setattr(observer, "stopped", progress.flown >= 1)
-
-    with pytest.raises(ft.FlightTuneError) as stopped:
-        ft.compare("circuit_in_wind", autopilot=file, kept=kept, observer=observer, **FEW)
-
-    (name,) = stopped.value.kept
-    assert name.startswith(str(kept.with_suffix("")))
-    assert 1 <= len(Path(name).read_text().splitlines()) < 2 * FEW["flights"]
 
 
 @pytest.mark.slow

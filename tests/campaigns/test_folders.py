@@ -166,11 +166,14 @@ def test_a_campaign_that_is_stopped_keeps_what_was_flown_and_goes_on(tmp_path, a
 
 
 def test_a_campaign_can_grow_and_not_shrink(out, plan):
-    longer = plan.with_runs(RUNS + 6)
+    longer, unfinished = plan.with_runs(RUNS + 6), out / ".writing/.flighttune-killed"
+    unfinished.parent.mkdir()
+    unfinished.write_bytes(b"of a campaign that was killed")
 
     done = ft.run_campaign(longer, out, resume=True)
 
     assert (done.flown, done.planned) == (6, RUNS + 6)
+    assert not unfinished.parent.exists()
     assert there(out).equals(rows_of(longer))
     with pytest.raises(ft.InputError, match=r"`runs` .*18.*12"):
         ft.run_campaign(plan, out, resume=True)
@@ -324,7 +327,7 @@ def test_the_hash_in_a_report_sees_every_bit_but_the_time_flights_took(tmp_path,
     found = {}
     for name, value in (
         ("", None), ("wall_s", 99.0), ("chi.ITAE", np.nextafter(ITAE, 9.0)), ("gamma.ITAE", None),
-        ("missed", "another"), ("success", not success),
+        ("success", not success),
     ):  # fmt: skip
         changed = table
         if name:
@@ -337,12 +340,8 @@ def test_the_hash_in_a_report_sees_every_bit_but_the_time_flights_took(tmp_path,
             part.unlink()
         with_part(out, changed)
         found[name] = answer("report", out)["sha256"]
-    assert (
-        found[""]
-        == found["wall_s"]
-        == answer("report", shutil.copytree(whole, tmp_path / "x"))["sha256"]
-    )
-    assert len({*found.values()}) == 5
+    assert found[""] == found["wall_s"]
+    assert len({*found.values()}) == 4
 
 
 def test_a_row_that_differs_from_its_flight_is_named_with_both_values(out):
@@ -409,14 +408,13 @@ def asking(share, runs=1000, **keys):
     return plan_of(short(), START, runs=runs, until_sure=share, success=[none], **keys)
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize(
-    ("share", "draws", "first"),
+    ("share", "draws"),
     # with n of n the integral of (2 (1 - q))^n, half at q = 0 and half over 0 to 0.5, is above 40
     # from n = 6 on, and that of (1.25 (1 - q))^n from 19; it is looked at every 12 draws
-    [(0.5, 12, "yes"), (0.8, 24, "yes"), (0.98, 1000, "yes")],
+    [(0.8, 24), pytest.param(0.98, 1000, marks=pytest.mark.counts)],
 )
-def test_a_campaign_ends_once_it_is_sure_and_goes_on_to_the_same(tmp_path, share, draws, first):
+def test_a_campaign_ends_once_it_is_sure_and_goes_on_to_the_same(tmp_path, share, draws):
     plan, out = asking(share, runs=600), tmp_path / "out"
 
     short = ft.run_campaign(plan, out, runs=10)
@@ -427,7 +425,7 @@ def test_a_campaign_ends_once_it_is_sure_and_goes_on_to_the_same(tmp_path, share
     assert "It is not sure whether at least" in short.answer().failure
     assert f"{100 * share:g} %" in short.answer().failure
     assert done.sure["kinematic / soft"] == "no"
-    assert done.sure["kinematic / paper"] == first
+    assert done.sure["kinematic / paper"] == "yes"
     assert done.runs < 600
     if share < 0.9:
         assert done.runs == 2 * draws

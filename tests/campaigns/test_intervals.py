@@ -88,22 +88,6 @@ def test_a_confidence_is_a_probability(confidence):
         intervals.rate_interval(1, 2, confidence)
 
 
-@pytest.mark.parametrize("q", [0.05, 0.5, 0.95])
-@pytest.mark.parametrize("n", [7, 80, 500])
-def test_intervals_of_a_quantile_are_those_of_scipy(n, q):
-    values = np.random.default_rng(n).lognormal(size=n)
-
-    found = intervals.quantile_interval(values, q)
-
-    tails = [
-        stats.quantile_test(values, p=q, alternative=side).confidence_interval(0.975)
-        for side in ("greater", "less")
-    ]
-    expected = [tails[0].low, tails[1].high]
-    expected = [e if np.isfinite(e) else s * np.inf for e, s in zip(expected, (-1, 1), strict=True)]
-    assert found == tuple(expected)
-
-
 # An effective number is rounded down, and lies between one and all.
 @pytest.mark.parametrize(
     ("n", "effective", "whole"), [(300, 220.0, 220), (40, 1000.0, 40), (40, 7.9, 7), (40, 0.3, 1)]
@@ -172,51 +156,3 @@ def test_gains_without_a_draw_that_both_fly_are_not_compared():
     })  # fmt: skip
 
     assert intervals.paired(rows, "chi.ITAE") == []
-
-
-def test_intervals_are_of_95_percent_and_of_wilson_where_nothing_else_is_chosen():
-    flags, values = np.arange(40) < 31, np.arange(40.0)
-    wilson = stats.binomtest(31, 40).proportion_ci(0.95, method="wilson")
-    exact = stats.binomtest(31, 40).proportion_ci(0.9, method="exact")
-    alone = np.arange(40)
-
-    assert intervals.rate_interval(31, 40) == pytest.approx((wilson.low, wilson.high))
-    assert intervals.share(flags, alone)[1:3] == pytest.approx((wilson.low, wilson.high))
-    other = intervals.share(flags, alone, method="clopper-pearson", confidence=0.9)
-    assert other == pytest.approx((31 / 40, exact.low, exact.high, 40))
-    # largest k with P(Bin(40, 1/2) < k) <= 2.5 %, and its mirror image
-    low = int(stats.binom.ppf(0.025, 40, 0.5))
-    assert intervals.quantile_interval(values, 0.5) == (low - 1.0, 40.0 - low)
-    assert intervals.percentile(values, 0.5, alone)[1:3] == (low - 1.0, 40.0 - low)
-    low = int(stats.binom.ppf(0.05, 40, 0.5))
-    assert intervals.percentile(values, 0.5, alone, confidence=0.9)[1:3] == (low - 1.0, 40.0 - low)
-
-
-def test_the_last_bits_of_equal_values_do_not_change_the_interval_of_their_quantile():
-    """Ten starts with five flights each, whose values differ by rounding."""
-    starts = np.repeat(np.arange(10), 5)
-    values = np.repeat(np.arange(1.0, 11.0) ** 2, 5)
-    noisy = values * (1.0 + 1e-13 * np.tile([-2, -1, 0, 1, 2], 10))
-
-    for q in (0.05, 0.5, 0.95):
-        exact, off = (intervals.percentile(x, q, starts) for x in (values, noisy))
-        assert off == pytest.approx(exact, rel=1e-9)
-        assert np.isnan(intervals.percentile(values[:0], q, starts[:0])[:3]).all()
-
-
-def test_flags_in_clusters_count_as_their_effective_number():
-    """Six clusters of four, of which one is split: variance of a ratio of totals, by hand."""
-    flags = np.repeat([True, True, True, True, False, False], 4)
-    flags[0] = False
-    clusters, p = np.repeat(np.arange(6), 4), 15 / 24
-    totals = np.array([3.0, 4.0, 4.0, 4.0, 0.0, 0.0]) - 4.0 * p
-    of_mean = 6 / 5 * np.sum(totals**2) / 24**2
-    size = p * (1.0 - p) / of_mean
-
-    assert intervals.effective_size(flags, clusters) == pytest.approx(size)
-    found = intervals.share(flags, clusters)
-    assert (found.value, found.n) == (p, 24)
-    # Wilson's interval solves (p - x)^2 = z^2 x (1 - x) / n
-    z2 = stats.norm.ppf(0.975) ** 2
-    for end in (found.lo, found.hi):
-        assert (p - end) ** 2 == pytest.approx(z2 * end * (1.0 - end) / size)

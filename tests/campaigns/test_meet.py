@@ -36,7 +36,7 @@ def at_most(subject="chi", **bounds):
 
 def searched(*scenarios, workers=1, **settings):
     first, *others = scenarios
-    settings = {"start": "paper", "budget": 80, **settings}
+    settings = {"start": "paper", "budget": 60, **settings}
     meeting = ft.meet(first, also=others, workers=workers, **settings)
     return meeting.answer().values, meeting.gains, meeting.trials
 
@@ -77,7 +77,7 @@ def test_the_metric_is_minimised_among_gains_that_meet_all_by_a_fifth(met):
     (best,) = [trial for trial in trials if trial.gains == gains]
 
     assert best.metric == min(trial.metric for trial in trials if trial.worst.max() <= -0.2)
-    assert values["flights"] == values["candidates"] <= 80
+    assert values["flights"] == values["candidates"] <= 60
 
 
 def step(V_a, chi, gamma, phi_rate, n_z_rate, lags, *bounds, n_z=(-1.0, 2.5), time=15.0):
@@ -137,23 +137,6 @@ def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
 
 
 @pytest.mark.soak
-def test_the_start_is_what_the_scenario_flies_and_the_others_are_named():
-    slack = scenario(at_most(MO_deg=60.0), gains=["tuned_fed_back"], law="exact")
-
-    meeting = ft.meet(slack, budget=8, workers=1)
-
-    assert (meeting.start, meeting.start_met) == ("tuned_fed_back", True)
-    note = (
-        "The start is tuned_fed_back, the nearest to the requirements of the gains that the "
-        "scenario flies; tuned"
-    )
-    assert "tuned" in meeting.other_starts
-    first, second = meeting.answer().summary
-    assert first.startswith("The gains of the start, tuned_fed_back, already meet all 3")
-    assert second.startswith(note)
-
-
-@pytest.mark.soak
 def test_the_answer_does_not_depend_on_the_workers(overshoot, met):
     assert repr(searched(overshoot, workers=2)[:2]) == repr(met[:2])
 
@@ -163,7 +146,7 @@ def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_
     least = 0.8 * 60.0 * DEG * 25.0 / (9.81 * math.tan(45.0 * DEG))
     short = scenario(at_most(rise_s=1.5), at_most(MO_deg=10.0))
 
-    values, _, trials = searched(short)
+    values, _, trials = searched(short, budget=40)
 
     assert values["status"] == "missed"
     rise = values["requirements"][0]
@@ -208,13 +191,6 @@ def test_an_envelope_is_met_as_fly_and_a_formula_of_its_runs_have_it():
         bound = np.select([t < 3.99, t < 7.99], [90.0, 8.0], 2.0)  # of a step at 0 s, 50 Hz
         assert again.claim.verdict == verdict
         assert ratio == pytest.approx((error / bound).max(), abs=1e-6)
-
-
-def test_a_metric_in_degrees_is_told_in_degrees(overshoot):
-    values, _, trials = searched(overshoot, metric="chi.MO_deg", budget=8)
-    (start,) = (trial for trial in trials if trial.gains == ft.PAPER_GAINS)
-
-    assert values["metric"]["start"] == start.checks[0][0].value > 1.0
 
 
 def test_a_roll_rate_without_an_identified_aircraft_is_refused():
@@ -368,34 +344,6 @@ def test_a_search_that_was_stopped_goes_on_with_the_flights_of_its_file(tmp_path
     assert not list(tmp_path.iterdir())
 
 
-def test_each_requirement_has_the_value_and_the_margin_that_fly_and_certify_say(overshoot):
-    bounds = at_most(MO_deg=3.0, settling_s=4.0), {"at_least": {"loop": {"R_K": 0.2}}}
-    of = scenario(*bounds)
-    meeting = ft.meet(of, start="paper", budget=30, workers=1)
-    again = flown(of, meeting.gains)
-    (run,) = again.runs
-    metrics, loop = again.metrics_of(run)["chi"], again.indicators["own"]
-    rows = {x["measure"]: x for x in meeting.requirements}
-
-    assert rows["chi.MO_deg"]["value"] == pytest.approx(np.rad2deg(metrics["MO_rad"]), abs=1e-6)
-    assert rows["chi.settling_s"]["value"] == pytest.approx(metrics["settling_s"], nan_ok=True)
-    assert rows["loop.R_K"]["value"] == pytest.approx(loop.R_K, rel=1e-9)
-    assert rows["loop.R_K"]["margin"] == pytest.approx(loop.R_K / 0.2 - 1.0)
-    assert rows["chi.MO_deg"]["margin"] == pytest.approx(1.0 - rows["chi.MO_deg"]["value"] / 3.0)
-    before = flown(of, ft.PAPER_GAINS)
-    start = before.metrics_of(before.runs[0])["chi"]["MO_rad"]
-    assert rows["chi.MO_deg"]["start"] == pytest.approx(np.rad2deg(start), abs=1e-6)
-    assert {x["share"] for x in meeting.requirements} <= {0.0, 1.0}
-    assert [x["bound"] for x in meeting.requirements if x["run"] == "by default"] == [6.0, 35.0]
-    assert (meeting.status == "met") == all(x["margin"] >= 0.0 for x in meeting.requirements)
-    assert meeting.metric["name"] == "ITAE"
-    both = again.metrics_of(run)
-    assert meeting.metric["value"] == pytest.approx(both["chi"]["ITAE"] + both["gamma"]["ITAE"])
-    assert meeting.flights <= 30
-    for row in meeting.worse:
-        assert row["value"] != row["start"]
-
-
 def test_gains_that_meet_all_keep_half_of_their_R_K_and_are_not_replaced_by_worse():
     loose = scenario(at_most(MO_deg=25.0), at_most("gamma", MO_deg=25.0))
 
@@ -415,7 +363,7 @@ def test_the_same_gains_meet_several_scenarios_and_trade_offs_are_of_what_confli
     """10 to 90 % of 60 deg at 45 deg of roll and 25 m/s take 1.5 s at least, even in a climb."""
     other = scenario(at_most(rise_s=1.4), at_most(MO_deg=10.0), title="Second")
 
-    meeting = ft.meet(overshoot, also=[other], start="paper", budget=60, workers=1)
+    meeting = ft.meet(overshoot, also=[other], start="paper", budget=40, workers=1)
 
     titles = {x["run"].rpartition(": ")[0] for x in meeting.requirements}
     assert titles == {overshoot.title, "Second"}
@@ -432,7 +380,7 @@ def test_the_same_gains_meet_several_scenarios_and_trade_offs_are_of_what_confli
         assert better(trade["alone"], values[0]) == trade["alone"]
         assert trade["beside"] is None or better(trade["alone"], trade["beside"]) == trade["alone"]
         assert (trade["run"], trade["measure"]) in named
-    assert meeting.flights == 2 * meeting.candidates <= 60
+    assert meeting.flights == 2 * meeting.candidates <= 40
 
 
 @pytest.mark.soak

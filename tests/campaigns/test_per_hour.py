@@ -54,7 +54,7 @@ def exits_per_hour(p_0, rates, shares, durations_h):
     return leaves.mean() / durations_h.mean()
 
 
-@pytest.mark.slow
+@pytest.mark.counts
 def test_5000_made_up_aircraft_exceed_the_bound_no_more_often_than_the_confidence_allows():
     rng, missed = np.random.default_rng(5), 0
     for _ in range(CASES):

@@ -245,3 +245,70 @@ def test_a_stopped_search_goes_on_with_its_flights_to_the_same(bettered, tmp_pat
         on.rows.drop(columns="wall_s"), bettered.rows.drop(columns="wall_s"), check_exact=True
     )
     assert not name.exists()
+
+
+@pytest.mark.slow
+def test_bounds_without_flights_are_shares_of_6_dB_of_35_deg_and_of_the_roll(bettered):
+    best = bettered.best
+    roll, lift = (
+        replace(cut, gain_decrease=less, gain_increase=more, phase_margin=math.radians(phase))
+        for cut, less, more, phase in zip(
+            best.margins, (0.4, 0.1), (4.0, 1.5), (70.0, 40.0), strict=True
+        )
+    )
+
+    used = replace(best, margins=(roll, lift), way_back=0.3)
+
+    by_6_dB = [6.0 / (20.0 * math.log10(x)) for x in (2.5, 1.5)]  # 0.4 is 1 / 2.5
+    wanted = [by_6_dB[0], 35.0 / 70.0, by_6_dB[1], 35.0 / 40.0, 0.3]
+    assert [*used.held.values()] == pytest.approx(wanted)
+    assert [(x.kind, x.of) for x in used.held][:3:2] == [
+        ("gain margin", x) for x in ("roll", "lift")
+    ]
+    assert not used.allowed
+    assert not replace(best, margins=()).allowed
+    for share, allowed in ((1.0, True), (1.01, False)):
+        assert replace(best, margins=(roll, roll), way_back=share).allowed is allowed
+    # Its way back to the track needs pi u cos(pi u^2 / 2) V_g / (damping * period) at most, of what
+    # 42 deg of roll give; the ground speed is that in the fastest wind of six draws of a search.
+    u = np.linspace(0.0, 1.0, 10_001)
+    drawn = bettered.plan.with_seed(bettered.plan.campaign.seed + 1).parameters(0, 6)
+    V_g, g = 25.0 + drawn["wind.speed_mps"].max(), bettered.plan.scenario.flight.g_mps2
+    most = (math.pi * u * np.cos(0.5 * math.pi * u**2)).max() * V_g / (g * math.tan(0.7330383))
+    for candidate in (bettered.start, best):
+        x = candidate.law.parameters
+        needed = most / (x["NPFG_PERIOD"] * x["NPFG_DAMPING"])
+        assert candidate.way_back == pytest.approx(needed, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_bounds_on_errors_and_on_lost_aircraft_are_those_of_as_many_draws(bettered):
+    """Of 93 draws one may lie outside of the bound: P(Bin(93, 0.05) <= 1) is below 0.05."""
+    n, name = 93, "flight.cross_track_m"
+    both = {x: rows.iloc[[0] * n] for x, rows in bettered.rows.groupby("gains")}
+    off = np.random.default_rng(1).permutation(n) + 1.0
+    rows = pd.concat(
+        [x.assign(**{name: off * (0.5 if of == "tuned" else 1.0), "draw": range(n)})
+         for of, x in both.items()]
+    )  # fmt: skip
+    rows.loc[(rows["gains"] == "tuned") & (rows["draw"] < 30), name] = 93.5
+    rows.loc[(rows["gains"] == "yours") & (rows["draw"] == 40), ["status", name]] = "lost", np.nan
+    draws = bettered.plan.with_runs(n * len(bettered.plan.groups))
+    many = replace(bettered, rows=rows, plan=draws, start=replace(bettered.start, lost=2))
+
+    row = many.accuracy[0]
+
+    lost = off[40]
+    second = sorted([*off[off != lost], math.inf])[-2]
+    assert (row["of"], row["yours"], row["tuned"]) == ("cross track", second, 93.5)
+    better = int((off[30:] > 0.0).sum())  # half of each, and of the lost one
+    interval = stats.binomtest(better, n).proportion_ci(0.95, method="exact")
+    assert (row["better"], row["flights"], row["share"]) == (better, n, better / n)
+    assert (row["lo"], row["hi"]) == pytest.approx((interval.low, interval.high))
+    assert many.lost_at_most == pytest.approx(
+        {"yours": stats.beta.ppf(0.95, 3, n - 2), "tuned": 1.0 - 0.05 ** (1.0 / n)}
+    )
+    least = next(
+        k for k in range(n) if stats.binomtest(k, n).proportion_ci(0.95, method="exact").low > 0.5
+    )
+    assert many.sure_from == least

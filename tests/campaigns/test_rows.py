@@ -281,6 +281,14 @@ def test_every_other_key_of_a_scenario_is_drawn_and_reaches_its_flight(key):
     assert (outcome(row) == outcome(undispersed)) == (key in WITHOUT_EFFECT)
 
 
+@pytest.mark.parametrize("channel", MOVING)
+def test_a_reference_of_which_one_channel_moves_is_flown_as_alone(channel):
+    reference = {"chi_deg": 5.0, "gamma_deg": 2.0, channel: MOVING[channel]}
+    plan = plan_of(lasting(1.5, gains=["paper"], reference=reference), START, runs=2)
+
+    assert_flown_as_alone(plan, rows_of(plan), range(2))
+
+
 def test_no_key_of_a_scenario_is_left_out_of_these_tests():
     keys = [*OTHERS, *(drawn["key"] for drawn in (*EVERYTHING, *SEEN, *MOVED))]
     tops = {key.split(".")[0] for key in keys}

@@ -10,11 +10,11 @@ import math
 import shutil
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from dispersed import KINEMATIC, one_of, plan_of, tables_of, uniform
+from drawn import drawn
 from scipy import integrate, optimize, stats
 
 import flighttune as ft
@@ -132,6 +132,11 @@ def wilson(k, n, confidence=0.95):
     return low, optimize.brentq(beyond, max(p, 1e-9), 1.0) if k < n else 1.0
 
 
+def of_scipy(k, n):
+    interval = stats.binomtest(int(k), int(n)).proportion_ci(method="wilson")
+    return interval.low, interval.high
+
+
 def order_interval(values, q, confidence=0.95, m=None):
     """Order statistics around a quantile: the number below it is binomial."""
     x, tail = np.sort(values), 0.5 - confidence / 2.0
@@ -147,12 +152,9 @@ def test_each_group_has_its_shares_and_endings_beside_pandas_and_scipy(told, row
     assert len(told["groups"]) == 4
     for group in told["groups"]:
         mine = own(rows, group)
-        interval = stats.binomtest(int(mine["success"].sum()), len(mine)).proportion_ci(
-            method="wilson"
-        )
         assert (group["n"], group["successes"]) == (DRAWS, mine["success"].sum())
         assert group["success"] == mine["success"].mean()
-        assert (group["lo"], group["hi"]) == pytest.approx((interval.low, interval.high))
+        assert (group["lo"], group["hi"]) == pytest.approx(of_scipy(mine["success"].sum(), DRAWS))
         assert group["statuses"] == mine["status"].value_counts().to_dict()
         lost = (mine["status"] == "diverged").sum()
         assert sum(x["count"] for x in group["reasons"]) == lost
@@ -299,56 +301,104 @@ def test_influences_are_those_of_scipy_corrected_together_by_holm(told, rows):
     assert strengths == sorted(strengths, reverse=True)
 
 
-def test_what_bends_is_found_by_its_share_and_what_does_not_vary_is_left_out(flown, tmp_path):
+def test_what_bends_is_found_by_its_share_and_success_is_split_by_its_classes(flown, tmp_path):
     def bent(rows):
         rows["chi.ITAE"] = 1.0 + rows["flight.phi_deg"] ** 2
         rows.loc[rows["draw"] % 9 == 0, "chi.ITAE"] = np.nan
-        rows["status"], rows["success"] = "completed", True
-        rows[RATE["key"]] = 1.0
+        other = rows["plant"] == OTHER
+        rows.loc[~other, RATE["key"]] = 1.0
+        rows["status"], rows["success"] = "completed", rows[WINDUP["key"]] == "none"
+        rows.loc[other, "success"] = rows[RATE["key"]] == 1.2
         rows["flight.V_a_mps"] = rows["flight.phi_deg"] * 2.0  # collinear
         return rows
 
-    told = values_of(flown, tmp_path, bent)
-    for group in told["groups"]:
-        assert group["sensitivity"]["success"]["ranks"] == []
+    page = ft.report(replaced(flown, tmp_path / "changed", bent))
+    for group in page.answer().values["groups"]:
+        assert next(iter(group["sensitivity"]["success"]["ranks"]))["parameter"] == (
+            RATE["key"] if group["plant"] == OTHER else WINDUP["key"]
+        )
         ranks = group["sensitivity"]["chi.ITAE"]["ranks"]
         # drawn together they have the same share, and keep the order of the campaign
-        assert [x["parameter"] for x in ranks] == [
-            "flight.V_a_mps",
-            "flight.phi_deg",
-            WINDUP["key"],
-        ]
+        names = [x["parameter"] for x in ranks]
+        assert names[:2] == ["flight.V_a_mps", "flight.phi_deg"]
+        # what does not vary is left out
+        assert {*names[2:]} == {WINDUP["key"], *[RATE["key"]] * (group["plant"] == OTHER)}
         assert abs(ranks[1]["rho"]) < 0.3 < 0.7 < ranks[1]["share"]
         assert ranks[1]["n"] == DRAWS - 23
-        assert (ranks[1]["apart"], ranks[2]["apart"]) == (True, False)
+        assert [x["apart"] for x in ranks] == [True, True, *[False] * (len(ranks) - 2)]
         assert math.isnan(ranks[0]["partial"])
+    of_word, of_rate = (
+        x for x in drawn(page.path.read_text()) if x.title.startswith("Success over")
+    )
+    assert [label for label, _ in of_word.ticks()["x"]] == ["conditional", "none"]
+    for chart, plant, centres in (
+        (of_word, "kinematic", [0.0, 1.0]),
+        (of_rate, OTHER, [0.8, 1.0, 1.2]),
+    ):
+        for gains in ("paper", "soft"):
+            _, (x, rate) = chart.lines(run=f"{plant} / {gains}")
+            assert x == pytest.approx(centres, abs=chart.off(1.0, "x"))
+            assert rate == pytest.approx([*[0.0] * (len(x) - 1), 100.0], abs=chart.off(100.0, "y"))
 
 
-@pytest.mark.parametrize(("draws", "said"), [(9, 0), (10, 4)])
-def test_fewer_than_ten_flights_tell_no_influence(flown, tmp_path, draws, said):
-    told = values_of(flown, tmp_path, truth, kept=range(4 * draws))
+def test_curves_are_of_the_first_flights_and_splits_of_five_classes_of_as_many(page, rows):
+    label = rows["plant"] + " / " + rows["gains"]
+    n = np.unique(np.geomspace(10, DRAWS, 25).round().astype(int))
+    charts = {x.title: x for x in drawn(page.path.read_text())}
+    (rate,), (p95,), (split,) = (
+        [x for name, x in charts.items() if name.startswith(title)]
+        for title in ("Success rate", "95th percentile", "Success over")
+    )
+    bands = iter(rate.bands())
+    for group in label.unique():
+        mine = rows[label == group]
+        k = mine["success"].cumsum().to_numpy()[n - 1]
+        (x, share), (_, low, high) = rate.lines(run=group)[0], next(bands)
+        assert x == pytest.approx(n, rel=0.01)
+        assert share == pytest.approx(100.0 * k / n, abs=rate.off(100.0, "y"))
+        ends = 100.0 * np.array([of_scipy(*x) for x in zip(k, n, strict=True)])
+        assert np.column_stack([low, high]) == pytest.approx(ends, abs=rate.off(100.0, "y"))
+        (x, above), itae = p95.lines(run=group)[0], mine["chi.ITAE"]
+        itae = itae.where(mine["status"] == "completed")
+        assert x == pytest.approx(n, rel=0.01)
+        assert above == pytest.approx(
+            [itae.head(m).quantile(0.95) for m in n], abs=p95.off(above, "y").max()
+        )
+        if not split.lines(run=group):
+            assert k[-1] == DRAWS  # nothing matters where all succeed
+            continue
+        by_speed = mine.sort_values("flight.V_a_mps")
+        classes = [by_speed.iloc[i : i + 40] for i in range(0, DRAWS, 40)]
+        (across, up), (x, share) = split.lines(run=group)
+        assert x == pytest.approx(
+            [c["flight.V_a_mps"].median() for c in classes], abs=split.off(27.0, "x")
+        )
+        k = np.array([c["success"].sum() for c in classes])
+        assert share == pytest.approx(100.0 * k / 40, abs=split.off(100.0, "y"))
+        ends = 100.0 * np.array([of_scipy(x, 40) for x in k])
+        assert across[~np.isnan(across)] == pytest.approx(np.repeat(x, 2))
+        assert up[~np.isnan(up)] == pytest.approx(ends.ravel(), abs=split.off(100.0, "y"))
 
-    assert told["runs"] == 4 * draws
-    ranks = told["groups"][0]["sensitivity"]["chi.ITAE"]["ranks"]
-    assert len(ranks) == said
-    assert all(x["n"] == 10 for x in ranks)
 
+def test_nine_flights_tell_no_influence_and_other_intervals_can_be_chosen(flown, tmp_path):
+    chosen = {"interval": "clopper-pearson", "confidence": 0.9}
+    told = values_of(flown, tmp_path, truth, kept=range(38), **chosen)
+    rows = ft.load(tmp_path / "changed").rows().to_pandas()
 
-def test_intervals_and_their_confidence_can_be_chosen(known, rows):
-    told = ft.report(known, interval="clopper-pearson", confidence=0.9).answer().values
-
-    assert (told["interval"], told["confidence"]) == ("clopper-pearson", 0.9)
-    for group in told["groups"]:
-        expected = stats.binomtest(group["successes"], DRAWS).proportion_ci(0.9, method="exact")
+    assert (told["interval"], told["confidence"], told["runs"]) == ("clopper-pearson", 0.9, 38)
+    for group, n in zip(told["groups"], (10, 10, 9, 9), strict=True):
+        ranks = group["sensitivity"]["chi.ITAE"]["ranks"]
+        assert len(ranks) == 4 * (n == 10)
+        assert all(x["n"] == 10 for x in ranks)
+        expected = stats.binomtest(group["successes"], n).proportion_ci(0.9, method="exact")
         assert (group["lo"], group["hi"]) == pytest.approx((expected.low, expected.high))
         x = own(rows, group)
         x = x[x["status"] == "completed"]["chi.ITAE"]
         assert group["metrics"]["chi.ITAE"]["p50_interval"] == pytest.approx(
             order_interval(x, 0.5, 0.9)
         )
-    assert (told["paired"][0]["lo"], told["paired"][0]["hi"]) == pytest.approx(
-        wilson(0, DRAWS, 0.9)
-    )
+    for pair, n in zip(told["paired"], (10, 9), strict=True):
+        assert (pair["lo"], pair["hi"]) == pytest.approx(wilson(0, n, 0.9))
 
 
 def evidence(failures, n, q):
@@ -402,6 +452,7 @@ def test_flights_of_a_grid_count_as_their_effective_number(tmp_path):
         point, cell = rows["draw"] // 4, rows["draw"] % 4
         rows["success"] = (point % 3 > 0) ^ ((point == 7) & (cell == 2))
         rows["chi.ITAE"], rows["status"] = 1.0 + point + 0.01 * cell, "completed"
+        rows["gamma.ITAE"] = (1.0 + point) ** 2 * (1.0 + 1e-13 * (cell - 1.5))
         return rows
 
     told = values_of(tmp_path / "out", tmp_path, together)
@@ -421,27 +472,11 @@ def test_flights_of_a_grid_count_as_their_effective_number(tmp_path):
         x, spread = mine["chi.ITAE"].to_numpy(), group["metrics"]["chi.ITAE"]
         below = (x <= np.quantile(x, 0.5)).astype(float)
         assert spread["p50_interval"] == order_interval(x, 0.5, m=size(below))
-
-
-def test_the_last_bits_of_equal_values_do_not_change_an_interval(tmp_path):
-    cells = {
-        "key": "flight.h_m",
-        "distribution": "grid",
-        "values": [1.0e3, 1.1e3, 1.2e3, 1.3e3, 1.4e3],
-    }
-    ft.run_campaign(plan_of(short(), ROLL, cells, runs=4 * 50), tmp_path / "out")
-
-    def equal(rows, noise=0.0):
-        off = 1.0 + noise * (rows["draw"] % 5 - 2.0)
-        rows["chi.ITAE"], rows["status"] = (1.0 + rows["draw"] // 5) ** 2 * off, "completed"
-        return rows
-
-    exact = values_of(tmp_path / "out", tmp_path, equal)["groups"]
-    shutil.rmtree(tmp_path / "changed")
-    noisy = values_of(tmp_path / "out", tmp_path, lambda x: equal(x, 1e-13))["groups"]
-    for a, b in zip(exact, noisy, strict=True):
-        for name in ("p05_interval", "p50_interval", "p95_interval"):
-            assert a["metrics"]["chi.ITAE"][name] == pytest.approx(b["metrics"]["chi.ITAE"][name])
+        # The last bits of equal values do not decide how wide an interval is.
+        equal = (1.0 + point) ** 2
+        below = (equal <= np.quantile(equal, 0.5)).astype(float)
+        interval = group["metrics"]["gamma.ITAE"]["p50_interval"]
+        assert interval == pytest.approx(order_interval(equal, 0.5, m=size(below)))
 
 
 def test_rows_without_any_measure_still_tell_who_failed(flown, tmp_path):
@@ -486,7 +521,3 @@ def test_a_campaign_of_which_no_row_is_there_has_no_report(flown, tmp_path):
 
     with pytest.raises(ft.RecordingError, match="no run has been flown yet"):
         ft.report(tmp_path / "out")
-
-
-def test_pandas_reads_the_rows_as_they_are(known, rows):
-    assert pd.read_parquet(known / "runs").sort_values("run", ignore_index=True).equals(rows)

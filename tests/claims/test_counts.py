@@ -332,13 +332,9 @@ FLOWN_AGAIN = [
 ]  # fmt: skip
 
 
-LONG = monitor, band_in_wind
-
-
-@pytest.mark.soak
 @pytest.mark.parametrize(
     ("maker", "tables", "arrays", "words"),
-    [pytest.param(*row, marks=[pytest.mark.slow] * (row[0] in LONG)) for row in FLOWN_AGAIN],
+    [pytest.param(*row, marks=[pytest.mark.soak] * (row[0] is not band)) for row in FLOWN_AGAIN],
 )
 def test_a_count_is_flown_again_and_what_was_changed_is_named(
     maker, tables, arrays, words, tmp_path
@@ -465,7 +461,7 @@ def plant(**airframe):
 LIGHT, SEVERE = {"intensity": "light"}, {"intensity": "severe"}
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tables", "differs"),
     [

@@ -2,28 +2,35 @@
 
 import itertools
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import binom
+from small_claims import OLD
 
-from flighttune.claims import ending as endings
-from flighttune.claims.about import About
+import flighttune as ft
 
 EPSILON, CONFIDENCE = 0.05, 0.95
 ROUNDING = 1e-9  # relative
-FIXED = endings.Fixed(flights=93, epsilon=EPSILON, confidence=CONFIDENCE)
-TWO = endings.Fixed(flights=105, early=66, epsilon=EPSILON, confidence=CONFIDENCE)
-ANY = endings.AnyTime(flights=208, epsilon=EPSILON, confidence=CONFIDENCE)
-ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
+KEPT = ft.load(OLD / "band.npz")
 
 
-def about_ending(ending, learned=10, **fields):
-    """What a file states of a count with one signal that ends so."""
-    one = np.ones((1, 1))
-    shape = {"signals": {"h": "m"}, "coefficients": one[None], "half": one, "predicted_from": None}
-    plan = {"runs": learned + ending.flights}
-    return About(**shape, plan=plan, learned=learned, **ending.stated, **fields)
+def about_ending(flights, learned=10, **fields):
+    """What a file states of a count of so many flights that ends so."""
+    stated = {"epsilon": EPSILON, "confidence": CONFIDENCE, "early": 0, "until_sure": False}
+    plan = {"runs": learned + flights}
+    return replace(KEPT.about, plan=plan, learned=learned, **{**stated, **fields})
+
+
+RULES = {
+    "fixed": (93, {}),
+    "two steps": (105, {"early": 66}),
+    "any time": (208, {"until_sure": True}),
+}
+ABOUT = {name: about_ending(flights, **fields) for name, (flights, fields) in RULES.items()}
+ENDINGS = {name: KEPT.ending.of(about) for name, about in ABOUT.items()}
+FIXED, TWO, ANY = ENDINGS.values()
 
 
 @pytest.mark.parametrize(
@@ -124,7 +131,8 @@ ALONE = {0: "", 1: "", 2: "2 fences"}
 @pytest.mark.parametrize(("fences", "times"), [*itertools.product(FENCES, (1, 2, 4))])
 def test_the_confidence_is_that_of_as_many_claims_as_its_words_name(ending, fences, times):
     """Bonferroni: errors add up over claims and readings, but not over those valid at any time."""
-    about = about_ending(ending, fences=({"fence": 1},) * fences, planned=(0.1, 0.99))
+    (about,) = (ABOUT[name] for name, x in ENDINGS.items() if x is ending)
+    about = replace(about, fences=({"fence": 1},) * fences, planned=(0.1, 0.99))
     shared = ending.shared(about, times * ending.flights)
 
     claims = fences if ending is ANY else 1 + fences
@@ -139,7 +147,7 @@ def test_the_confidence_is_that_of_as_many_claims_as_its_words_name(ending, fenc
 
 
 def test_a_single_claim_shares_its_confidence_with_none():
-    shared = FIXED.shared(about_ending(FIXED), 93)
+    shared = FIXED.shared(ABOUT["fixed"], 93)
 
     assert (shared.confidence, shared.words) == (pytest.approx(0.95), "")
 

@@ -108,7 +108,7 @@ def several(kind, draw, number):
 
 @pytest.mark.parametrize("kind", kinds())
 def test_a_file_that_was_edited_is_believed_in_no_place(kind, tmp_path):
-    for opened, place in several(kind, random.Random(SEED), 30):
+    for opened, place in several(kind, random.Random(SEED), 12):
         name = KINDS[kind][0]().name
         assert believed(opened.write(tmp_path / name, anew=False)) is None, place
 

@@ -6,7 +6,7 @@ import pytest
 from commands import answer, flighttune
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_page_shows_both_runs_and_how_many_metrics_of_each_are_better(tmp_path):
     out = tmp_path / "compared.html"
 

@@ -1,7 +1,5 @@
 """Certificates, frontiers and units of state as commands and their verbs give them."""
 
-from pathlib import Path
-
 import pytest
 from commands import answer, flighttune
 from made_up_band import counted_boxes
@@ -46,14 +44,12 @@ def test_flights_of_any_count_fly_again_on_the_workers_of_the_command_line(tmp_p
     assert "`workers` must not be given" in told
 
 
-@pytest.mark.soak
-def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope(tmp_path):
-    found = answer(
-        "certify", "paper", "--gains", "paper", "--envelope", "--figure", tmp_path / "loop.svg"
-    )
+def test_a_long_reason_keeps_its_beginning_and_its_end_in_one_line():
+    _, whole = flighttune("fly", "paper", "--set", "=" + "x" * 500, status=2)
+    _, cut = flighttune("fly", "paper", "--set", "=" + "x" * 5000, status=2)
 
-    figure = Path(found["figure"]).read_text(encoding="utf-8")
-    for channel in found["margins"][:-1]:
-        assert f"phase margin {channel['phase_margin_deg']:.1f}°" in figure
-    for title in ("Nyquist", "Eigenvalues of the closed loop", "Rate certified over an envelope"):
-        assert title in figure
+    assert "x" * 500 in whole
+    begin, end = cut.removeprefix("flighttune: ").rstrip("\n").split(" ... ")
+    assert (len(begin), len(end)) == (340, 340)
+    assert whole.removeprefix("flighttune: ").startswith(begin[:40])
+    assert whole.rstrip("\n").endswith(end[-3:])

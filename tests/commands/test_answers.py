@@ -45,9 +45,6 @@ VERBS = {
     f"band turn.toml --gains paper {options(FEW)}": lambda: ft.band(
         "turn.toml", gains="paper", **FEW
     ),
-    "tube small.toml --gains paper --start-deg 0.1": lambda: ft.tube(
-        "small.toml", "paper", start=np.radians(0.1)
-    ),
     "gap short.toml --gains paper": lambda: ft.gap("short.toml", "paper"),
     "report flown": lambda: ft.report("flown"),
     "export paper --gains paper --format c": lambda: ft.export(
@@ -69,7 +66,7 @@ def of_the_value(key, value):
     return value
 
 
-LONG = "worst", "gap", "gradient", "tube", "meet", "report", "tune paper --frontier"
+LONG = "worst", "gap", "gradient", "meet", "report", "tune paper --frontier"
 
 
 @pytest.mark.slow

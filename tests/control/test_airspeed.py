@@ -78,7 +78,9 @@ CLIMB = math.radians(15.0)
 
 @cache
 def tuned(airspeed):
-    return ft.tune(ft.loop.TuningProblem(model=model_at(V_0, CLIMB, airspeed), I_star=5.0))
+    return ft.tune(
+        ft.loop.TuningProblem(model=model_at(V_0, CLIMB, airspeed), I_star=5.0), starts=1
+    )
 
 
 @pytest.mark.slow
@@ -167,7 +169,7 @@ def test_a_law_commands_the_n_x_of_its_climb_through_the_air(kind, wind):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
+@pytest.mark.parametrize("wind", [WINDS["sinking air"], WINDS["cross wind"]])
 def test_the_airspeed_settles_at_its_floor_in_any_wind_when_the_engine_fails(wind):
     """Level flight asked for with 6 % of the throttle: 0.95 of 25 m/s, and the glide for that."""
     north, east, down = wind

@@ -310,8 +310,9 @@ def test_parameters_of_no_guidance_are_refused(parameters, words):
 
 @pytest.mark.parametrize("parameters", [NPFG, L1])
 def test_a_scenario_flies_them_on_any_plant_to_its_course(parameters):
-    flown = ft.fly(scenario(parameters, kind="point_mass"))
-    (run,) = flown.runs
+    made = scenario(parameters, kind="point_mass").as_dict()
+    made["flight"]["duration_s"] = 15.0
+    (run,) = ft.fly(ft.scenario_from(made)).runs
     assert run.label == "point_mass / now:paper"
     assert run.status == "completed"
     error = run.signals["chi_err"].abs()

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import flighttune as ft
-from flighttune.control.linear_model import Envelope, jacobian_hull, loops_of
+from flighttune.control.linear_model import Envelope, jacobian_hull
 
 G = 9.81
-ROUNDING = 1e-12
 WIDE = Envelope(V_a=(20.0, 30.0), gamma=(-0.35, 0.785), phi=(-0.52, 0.7), n_z=(-0.5, 1.5))
 TRIM = Envelope.at(V_a=25.0, gamma=math.pi / 12)
 
@@ -32,7 +31,7 @@ def inside(point, corners):
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
+@settings(max_examples=40)
 @given(st.tuples(*[st.floats(0.0, 1.0)] * 4))
 def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at):
     low, high = WIDE.ranges.T
@@ -47,27 +46,6 @@ def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
 
     assert not inside(level, corners)
     assert inside(level, jacobian_hull(WIDE, g=G).corners)
-
-
-def test_the_entries_range_over_hand_computed_ends():
-    hull = jacobian_hull(WIDE, g=G)
-
-    assert hull.factor == pytest.approx((G / 30.0, G / 20.0), rel=ROUNDING)
-    lower = [-math.sin(0.35), 1.0, -1.5 * math.sin(0.52), math.cos(0.7)]
-    upper = [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0]
-    assert hull.lower == pytest.approx(lower, rel=ROUNDING)
-    assert hull.upper == pytest.approx(upper, rel=ROUNDING)
-    assert loops_of(hull.models(), ft.PAPER_GAINS).shape == (32, 4, 4)
-
-
-def test_roll_on_one_side_has_its_extremes_at_the_ends():
-    turning = Envelope(V_a=(25.0, 25.0), gamma=(0.0, 0.0), phi=(0.2, 0.6), n_z=(1.0, 1.0))
-
-    hull = jacobian_hull(turning, g=G)
-
-    assert hull.lower[3] == pytest.approx(math.cos(0.6), rel=ROUNDING)
-    assert hull.upper[3] == pytest.approx(math.cos(0.2), rel=ROUNDING)
-    assert hull.lower[1] == pytest.approx(math.cos(0.2) ** -2, rel=ROUNDING)
 
 
 def test_an_envelope_is_scaled_about_the_trim():

@@ -125,6 +125,11 @@ def test_a_command_keeps_the_range_and_rate_of_its_side(before, wanted, command,
     assert limiter.limit(wanted) == pytest.approx((command,), abs=1e-12)
     assert limiter.limited == [limited]
     assert limiter.excess == pytest.approx((wanted - command,), abs=1e-12)
+    limiter.start([0.0])
+    assert limiter.limited == [0]
+    for wrong in ([], [0.0, 0.0], [np.inf]):
+        with pytest.raises(ft.InputError, match="`u` must be 1 finite numbers"):
+            limiter.start(wrong)
 
 
 def test_limits_that_hold_together_are_the_narrower_of_each():

@@ -1,5 +1,6 @@
 """Slopes of flights against central differences of flights by JSBSim."""
 
+import numpy as np
 import pytest
 
 import flighttune as ft
@@ -63,11 +64,61 @@ def test_what_has_no_slope_is_refused(case):
         ft.gradient(scenario(**changes), **asked)
 
 
-def test_the_answer_has_a_table_for_each_measure():
-    measures = ["chi.ITAE", "gamma.peak_rad"]
-    gradient = ft.gradient(scenario(duration_s=2.0), by=["K_P"], measures=measures)
+K_P, K_I, FED = np.array([[1.5, 0.1], [-0.05, 1.3]]), np.diag([0.8, 0.6]), np.array([0.3, 0.2])
+MEASURES = ["chi.ITAE", "gamma.ITAE", "chi.MS_deg"]
 
-    answer = gradient.answer()
 
-    assert [len(table.records) for table in answer.tables] == [2, 2]
-    assert answer.values["values"].keys() == set(measures)
+def moved(gains, x, *place):
+    gains = gains.copy()
+    gains[place] += x
+    return gains
+
+
+# Parameters, and how each changes the flight below by a step.
+STEPS = {
+    "K_P.chi_dot.chi": lambda x: {"K_P": moved(K_P, x, 0, 0)},
+    "K_P.chi_dot.gamma": lambda x: {"K_P": moved(K_P, x, 0, 1)},
+    "K_P.gamma_dot.chi": lambda x: {"K_P": moved(K_P, x, 1, 0)},
+    "K_P.gamma_dot.gamma": lambda x: {"K_P": moved(K_P, x, 1, 1)},
+    "K_I.gamma_dot.gamma": lambda x: {"K_I": moved(K_I, x, 1, 1)},
+    "feedback.phi": lambda x: {"fed": moved(FED, x, 0)},
+    "feedback.n_z": lambda x: {"fed": moved(FED, x, 1)},
+    "flight.V_a_mps": lambda x: {"V_a": 25.0 + x},
+    "plant.airframe.drag_factor": lambda x: {"drag": 1.0 + x},
+}
+
+
+def turn(*, K_P=K_P, K_I=K_I, fed=FED, V_a=25.0, drag=1.0, law="exact"):
+    """A small turn and climb with feedback of roll and load factor."""
+    own = {"name": "own", "law": law, "K_P": K_P.tolist(), "K_I": K_I.tolist()}
+    own |= {"feedback": fed.tolist()} if law == "exact" else {}
+    plant = {"kind": "jsbsim", "aircraft": "aerosonde", "airframe": {"drag_factor": drag}}
+    reference = {"chi_deg": 0.5, "gamma_deg": 0.1}
+    flight = {"V_a_mps": V_a, "duration_s": 3.0}
+    return scenario(law=[law], gains=[own], plant=[plant], flight=flight, reference=reference)
+
+
+@pytest.mark.parametrize("law", ["exact", "paper"])
+def test_slopes_are_the_differences_of_flights(law):
+    steps = {name: by for name, by in STEPS.items() if law == "exact" or "feedback" not in name}
+    names = {name: name for name in steps}
+    if law == "paper":
+        names = {x: x.replace("chi_dot", "phi").replace("gamma_dot", "n_z") for x in steps}
+
+    gradient = ft.gradient(turn(law=law), by=[*names.values()], measures=MEASURES)
+
+    def measured(**changed):
+        flown = ft.fly(turn(law=law, **changed))
+        found = flown.metrics_of(flown.runs[0])
+        return [found["chi"]["ITAE"], found["gamma"]["ITAE"], np.degrees(found["chi"]["MS_rad"])]
+
+    assert [*gradient.values.values()] == pytest.approx(measured(), rel=1e-12)
+    found = {(row["parameter"], row["measure"]): row["slope"] for row in gradient.slopes}
+    for name, by in steps.items():
+        step = 1e-2 if name.startswith(("flight", "plant")) else 1e-3
+        after, before = (np.array(measured(**by(x))) for x in (step, -step))
+        expected = (after - before) / (2.0 * step)
+        slopes = [found[names[name], measure] for measure in MEASURES]
+        assert slopes == pytest.approx(expected, rel=1e-3, abs=1e-8), name
+    assert [len(table.records) for table in gradient.answer().tables] == [len(steps)] * 3
+    assert 0.0 < gradient.at_limits_s < 0.5

@@ -9,8 +9,8 @@ from made_up import made_up_run, made_up_scenario
 
 import flighttune as ft
 
-SAMPLING = 2e-4
-T = np.linspace(0.0, 20.0, 200_001)
+SAMPLING = 2e-3
+T = np.linspace(0.0, 20.0, 20_001)
 LAG = 0.7
 LATER = np.clip(T - 3.0, 0.0, None)
 STEP = (T >= 3.0).astype(float)

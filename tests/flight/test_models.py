@@ -126,6 +126,10 @@ def test_the_weight_on_the_airspeed_is_left_to_a_gain_of_its_own():
     assert problem.x_0 == pytest.approx([math.radians(20.0), math.radians(6.0), 0.0])
     assert problem.K_max.shape == (3, 6)
     assert problem.K_max[2, [2, 5]].tolist() == [1000.0, 1000.0]
+    tuned = ft.tune(made, starts=1).gains
+    assert tuned.K_P[2, 1] == pytest.approx(-math.cos(math.radians(6.0)))
+    coupled = [tuned.K[i] for i in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 3), (2, 4))]
+    assert coupled == [0.0] * 7
 
 
 def test_a_smaller_largest_gain_counts_and_limits_that_are_not_asked_for_do_not():

@@ -34,7 +34,7 @@ def scene(kind, feedback):
     return made_up_scenario(
         law=["exact"],
         gains=[steep(feedback)],
-        flight={"V_a_mps": 12.5, "duration_s": 20.0},
+        flight={"V_a_mps": 12.5, "duration_s": 8.0},
         reference={"chi_deg": 30.0, "gamma_deg": 3.0},
         limits={**limits, "n_z_rate_per_s": LIMIT},
         plant=[{"kind": kind}],
@@ -61,6 +61,7 @@ def test_behind_a_lag_the_feedback_is_flown():
     lagged = {"kind": "point_mass_lag", "roll_lag_rad_s": 6.0, "n_z_lag_rad_s": 4.0}
     tables = ft.load_scenario("level_turn").as_dict()
     tables |= {"law": ["exact"], "plant": [lagged], "expect": []}
+    tables["flight"]["duration_s"] = 4.0
     fed, plain = (
         ft.fly(ft.scenario_from({**tables, "gains": [steep(k)]})).runs[0]
         for k in ([0.4, 0.3], [0.0, 0.0])

@@ -65,7 +65,7 @@ def test_a_healthy_aircraft_with_a_slow_engine_pays_little_for_its_protection():
     ]
     errors = []
     for protected in (False, True):
-        for seed in range(6):
+        for seed in range(2):
             air = {"turbulence": {"intensity": "light"}, "seed": seed}
             tables = level({"aircraft": "c172p"}, protected=protected, **air).as_dict()
             tables["tuning"]["identified"] = "c172p"
@@ -74,7 +74,7 @@ def test_a_healthy_aircraft_with_a_slow_engine_pays_little_for_its_protection():
             (run,) = ft.fly(ft.scenario_from(tables)).runs
             measured = run.signals[["chi_err", "gamma_err"]].abs().to_numpy()
             errors.append(np.trapezoid(measured.T * run.t, run.t))
-    without, kept = np.reshape(errors, (2, 6, 2))
+    without, kept = np.reshape(errors, (2, 2, 2))
 
     assert np.exp(np.log(kept / without).mean()) < 1.05
 

@@ -16,6 +16,7 @@ LIMITS_IN_RADIANS = 1e-9
 IN_TIME = 1e-9
 """What the rounding of a time does to a wind, m/s."""
 RUNGS = ["kinematic", "point_mass", "point_mass_lag", "jsbsim:aerosonde"]
+SLOW = pytest.mark.slow
 WIND = ["wind_north", "wind_east", "wind_down"]
 
 
@@ -32,7 +33,9 @@ def paper_gap():
 @pytest.fixture(scope="module")
 def windy_gap():
     air = {"wind": {"speed_mps": 8.0, "from_deg": 270.0}, "turbulence": {"intensity": "moderate"}}
-    return ft.gap(changed("level_turn", **air), ft.PAPER_GAINS, name="paper")
+    flight = ft.load_scenario("level_turn").as_dict()["flight"] | {"duration_s": 12.0}
+    gains = [{"name": "own", "law": "exact", **ft.PAPER_GAINS.as_lists()}]
+    return ft.gap(changed("level_turn", law=["exact"], gains=gains, flight=flight, **air))
 
 
 def test_what_the_steps_do_not_explain_is_the_largest_of_all_differences(paper_gap):
@@ -74,6 +77,41 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
     assert gap.residual < ROUNDING
 
 
+@pytest.mark.parametrize("gap_name", ["paper_gap", pytest.param("windy_gap", marks=SLOW)])
+def test_the_mismatch_is_what_was_flown_beyond_the_law(gap_name, request):
+    gap, dt = request.getfixturevalue(gap_name), 0.02
+    signals, found, g = gap.aircraft.signals, gap.mismatch, gap.scenario.flight.g_mps2
+    phi, n_z = (signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))
+    ends = np.cos(signals["gamma"].to_numpy())
+    level = 0.5 * (ends[1:] + ends[:-1])
+    V_a = 25.0 if gap_name == "paper_gap" else signals["V_a"].to_numpy()[:-1]
+    turn = np.tan(phi) if gap_name == "paper_gap" else n_z * np.sin(phi) / level
+    law = g / V_a * np.array([turn, n_z * np.cos(phi) - level])
+    flown = np.diff(signals[["chi", "gamma"]].to_numpy(), axis=0) / dt
+
+    assert found.d == pytest.approx(flown - law.T, abs=1e-9)
+    assert found.d_dot == pytest.approx(np.diff(found.d, axis=0) / dt, abs=1e-6)
+    assert found.t == pytest.approx(signals.index[:-1])
+    assert found.bound == pytest.approx(max(map(math.hypot, *found.d.T)))
+    assert found.L_d == pytest.approx(max(map(math.hypot, *found.d_dot.T)))
+    shown = signals[["mismatch_chi", "mismatch_gamma"]].to_numpy()
+    assert np.array_equal(shown, [*found.d, found.d[-1]])
+
+
+def test_a_gap_has_the_lags_of_the_model_the_indicators_of_the_law_and_the_largest_cause(paper_gap):
+    lags = ft.loop.load_identified("aerosonde").nearest(25.0, math.radians(15.0)).lags
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=math.radians(15.0), g=9.81)
+
+    assert [lag for lag, _ in paper_gap.lags.values()] == [*lags]
+    assert all(99.0 < share < 100.0 for _, share in paper_gap.lags.values())
+    expected = ft.loop.indicators(ft.loop.closed_loop(law, ft.PAPER_GAINS))
+    assert str(paper_gap.indicators) == str(expected)
+    for channel in ("chi", "gamma"):
+        changes = {x.adds: x.metrics.loc[channel, "ITAE"] for x in paper_gap.steps}
+        largest = max(changes, key=lambda name: abs(changes[name]))
+        assert paper_gap.cause(channel) == (largest, changes[largest])
+
+
 def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
     law, point = paper_gap.runs[:2]
     pushing_over = law.signals.index < 1.5
@@ -109,7 +147,8 @@ def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
 
 @pytest.mark.slow
 def test_the_aircrafts_own_limits_hold_on_every_rung():
-    gap = ft.gap(changed("paper", limits={}), ft.PAPER_GAINS)
+    flight = ft.load_scenario("paper").as_dict()["flight"] | {"duration_s": 4.0}
+    gap = ft.gap(changed("paper", limits={}, flight=flight), ft.PAPER_GAINS)
 
     for rung in gap.runs:
         phi_cmd = rung.signals["phi_cmd"].to_numpy()

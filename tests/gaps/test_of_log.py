@@ -48,20 +48,11 @@ def test_mass_lag_and_wind_of_a_flight_come_back(log):
     causes = {row["cause"]: row for row in told["causes"]}
     assert max(causes, key=lambda name: causes[name]["alone_percent"]) == "wind"
     law, *_, aircraft, explained = told["differences"]
-    assert (law["flown"], aircraft["flown"]) == ("kinematic", "c172p")
+    assert [row["flown"] for row in told["differences"]] == [
+        *("kinematic", "point_mass", "point_mass_lag", "c172p", "c172p, explained")
+    ]
     assert explained["phi"] < 0.2 * aircraft["phi"] < aircraft["phi"] < law["phi"]
     assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
-
-
-@pytest.mark.counts
-def test_the_mass_comes_back_without_load_factor_commands(log):
-    table = pd.read_csv(log).drop(columns="n_z_cmd")
-    table.to_csv(log.with_stem("without"), index=False)
-
-    gap = ft.gap(log.with_stem("without"), aircraft="c172p")
-
-    assert gap.factors["mass"][0] == pytest.approx(MASS, abs=2.0 * MASS_ERROR)
-    assert "The log has no load-factor commands: its load factor is flown" in gap.notes[0]
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +107,7 @@ def found(table, tmp_path_factory):
     return gap_of(folder, table, phi_cmd=late(table, "phi_cmd", 0.1))
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 def test_a_flight_of_the_model_differs_by_wind_and_delays_alone(found):
     values = {name: value for name, (value, _, _) in found.factors.items()}
 
@@ -178,36 +169,26 @@ def test_the_picture_has_the_log_its_command_and_every_flight_in_degrees(found, 
 
 
 @pytest.mark.soak
-def test_a_log_that_is_turned_about_the_vertical_has_its_wind_turned(found, table, tmp_path):
-    by = math.radians(200.0)
+def test_a_log_that_is_mirrored_and_turned_has_its_wind_mirrored_and_turned(table, tmp_path):
+    by, early = math.radians(200.0), late(table, "phi_cmd", 0.1)
 
-    gap = gap_of(tmp_path, table, phi_cmd=late(table, "phi_cmd", 0.1), chi=table["chi"] + by)
+    gap = gap_of(tmp_path, table, phi_cmd=-early, phi=-table["phi"], chi=by - table["chi"])
 
-    north, east = (found.factors[f"wind_{axis}"][0] for axis in ("north", "east"))
-    turned = (north + 1j * east) * np.exp(1j * by)
     values = {name: value for name, (value, _, _) in gap.factors.items()}
+    turned = complex(MOVING[0], -MOVING[1]) * np.exp(1j * by)
     assert values["wind_north"] + 1j * values["wind_east"] == pytest.approx(turned, abs=WIND_ERROR)
-    for name in ("phi_late", "n_z_late"):
-        assert values[name] == pytest.approx(found.factors[name][0], abs=0.2 * LAG_ERROR)
-    assert gap.explained == pytest.approx(found.explained, abs=1e-3)
+    assert values["phi_late"] == pytest.approx(0.1 + HELD, abs=0.3 * LAG_ERROR)
+    assert values["n_z_late"] == pytest.approx(HELD, abs=0.3 * LAG_ERROR)
+    assert gap.explained > 0.998
 
 
 @pytest.mark.soak
-def test_a_log_that_is_mirrored_has_its_wind_on_the_other_side(found, table, tmp_path):
-    early = late(table, "phi_cmd", 0.1)
+def test_what_a_log_lacks_is_assumed_and_said_and_a_stretch_begins_after_a_gap(table, tmp_path):
+    twice = pd.concat([table, table.iloc[1:].set_axis(table.index[1:] + 54.0)]).rename_axis("t_s")
+    missing = (twice.index > 30.0) & (twice.index < 30.5) | (twice.index > 80.0)
+    lacking = ["V_a", "h", "theta", "n_z_cmd"]
 
-    gap = gap_of(tmp_path, table, phi_cmd=-early, chi=-table["chi"], phi=-table["phi"])
-
-    for name, (value, low, high) in found.factors.items():
-        side = -1.0 if name == "wind_east" else 1.0
-        ends = sorted(side * x for x in (low, high))
-        within = WIND_ERROR if name.startswith("wind") else 0.2 * LAG_ERROR
-        assert gap.factors[name] == pytest.approx((side * value, *ends), abs=within)
-
-
-@pytest.mark.soak
-def test_what_a_log_lacks_is_assumed_or_left_out_and_said(table, tmp_path):
-    gap = gap_of(tmp_path, table.drop(columns=["V_a", "h", "theta", "n_z_cmd"]))
+    gap = gap_of(tmp_path, twice[~missing].drop(columns=lacking))
 
     said = " ".join(gap.notes)
     for words in (
@@ -220,15 +201,6 @@ def test_what_a_log_lacks_is_assumed_or_left_out_and_said(table, tmp_path):
     assert (gap.logged["h"] == 1000.0).all()
     assert np.array_equal(gap.logged["V_a"], gap.logged["V_g"])
     assert gap.factors["phi_late"][0] == pytest.approx(HELD, abs=0.05)
-
-
-@pytest.mark.soak
-def test_a_stretch_begins_after_a_gap_of_the_log(table, tmp_path):
-    twice = pd.concat([table, table.iloc[1:].set_axis(table.index[1:] + 54.0)])
-    missing = (twice.index > 30.0) & (twice.index < 30.5)
-
-    gap = gap_of(tmp_path, twice[~missing].rename_axis("t_s"))
-
     assert not any((row[0] <= 30.0) & (row[-1] >= 30.5) for row in gap.t)
     assert (np.diff(gap.t[:, 0]) >= 17.0).all()
     assert gap.t[1, 0] == pytest.approx(30.5, abs=0.05)
@@ -241,18 +213,15 @@ def test_a_log_that_is_noise_tells_no_delay_and_one_that_flies_straight_no_wind(
         name: table[name] + 0.5 * random.standard_normal(len(table)) for name in ("phi", "n_z")
     }
 
-    of_noise = gap_of(tmp_path, table, **noisy)
-    straight = gap_of(tmp_path, table, chi=0.3 + 0.01 * np.sin(table.index.to_numpy()))
+    gap = gap_of(tmp_path, table, **noisy, chi=0.3 + 0.01 * np.sin(table.index.to_numpy()))
 
-    for value, low, high in of_noise.factors.values():
+    for value, low, high in gap.factors.values():
         assert low < value < high
-    said = [x for x in of_noise.notes if x.startswith("The log cannot identify")]
-    left = sum(x.count("later") + x.count("air moving") for x in said)
-    assert len(of_noise.factors) == 4 - left
+    said = [x for x in gap.notes if x.startswith("The log cannot identify")]
+    assert len(gap.factors) == 2 - len(said)
     for words in said:
         assert re.search(r"at an end of its range|holds [01] and is too wide|same effect", words)
-    assert any("less than 60 deg" in x for x in straight.notes)
-    assert not {"wind_north", "wind_east"} & {*straight.factors}
+    assert any("less than 60 deg" in x for x in gap.notes)
 
 
 REFUSED = [
@@ -271,23 +240,6 @@ def test_a_log_that_cannot_be_flown_says_what_is_missing(table, tmp_path, column
 
     with pytest.raises(ft.InputError, match=words):
         gap_of(tmp_path, made, **constant)
-
-
-@pytest.mark.soak
-def test_a_log_on_its_own_aircraft_has_no_other_mass_and_another_has(tmp_path):
-    t, signals = sampled(heavy_cessna(70.0), noise=False, dropouts=False, late=False)
-
-    gap = ft.gap(write_csv(tmp_path / "flight.csv", t, signals), aircraft="c172p")
-
-    assert gap.factors["mass"][0] == pytest.approx(MASS, abs=2.0 * MASS_ERROR)
-    assert [*gap.flights] == [
-        "kinematic",
-        "point_mass",
-        "point_mass_lag",
-        "c172p",
-        "c172p, explained",
-    ]
-    assert gap.causes["mass"][1] > 0.0
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ WRITERS = {"x.ulg": write_ulog, "x.bin": write_dataflash, "x.tlog": write_tlog, 
 FEW, MANY = 12, 1200
 GAPS = 20  # of so many logs that are read one is flown, which takes seconds
 LONGEST_S = 60.0
-MOST_KB = 1_000_000
+MOST_KB = 1_300_000
 """Memory of a child, kB."""
 
 
@@ -69,14 +69,12 @@ def try_damages(originals, folder, count, seed):
     return read
 
 
-@pytest.mark.soak
-def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
-    try_damages(originals, tmp_path, FEW, seed=1)
+@pytest.mark.parametrize(
+    "count",
+    [pytest.param(FEW, marks=pytest.mark.soak), pytest.param(MANY, marks=pytest.mark.counts)],
+)
+def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path, count):
+    read = try_damages(originals, tmp_path, count, seed=count)
 
-
-@pytest.mark.counts
-def test_many_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
-    read = try_damages(originals, tmp_path, MANY, seed=2)
-
-    assert read > MANY // 4  # damage that matters little is read over
-    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < MOST_KB + 300_000
+    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    assert count == FEW or (read > count // 4 and most < MOST_KB)  # damage may matter little

@@ -32,8 +32,8 @@ UNITS = {
 }
 OF_UNITS = {"time": "t", "angle": "psi", "rate": "p", "length": "h", "speed": "V_a"}
 OF_UNITS |= {"load": "n_z", "force": "f_z"}
-DT = 0.2
-T = DT * np.arange(150)
+DT = 0.06
+T = DT * np.arange(150)  # below the ten seconds from which columns are checked
 
 
 def flight():
@@ -62,7 +62,7 @@ def flight():
 
 FLIGHT = flight()
 EVENTS = {
-    # before, from 10 s, from 20 s on; of the number in each kind of log
+    # before, from 3 s, from 6 s on; of the number in each kind of log
     "mode": ((3, 4, 3), (10, 12, 10), (67371008, 50593792, 67371008)),
     "armed": ((1, 2, 2), (0, 1, 1), (0, 128, 255)),
     "airborne": ((1, 1, 0), (0, 0, 1), (1, 1, 2)),
@@ -81,7 +81,7 @@ def values_of(kind, name):
     if name not in EVENTS:
         return FLIGHT[name]
     values = EVENTS[name][[*KINDS].index(kind)]
-    return np.select([T < 10.0, T < 20.0], values[:2], values[2]).astype(float)
+    return np.select([T < 2.99, T < 5.99], values[:2], values[2]).astype(float)
 
 
 def unit_of(words, name):
@@ -149,15 +149,15 @@ def test_every_source_of_a_binary_log_is_read_in_its_unit_and_sign(tmp_path, kin
     assert log["kind"] == kind
     states = dict(line.split(" for ") for line in log["phases"])
     last = f"{T[-1]:.1f} s"
-    assert states["armed"].endswith(f": 10.0 to {last}")
-    assert states["airborne"].endswith(f": 20.0 to {last}")
+    assert states["armed"].endswith(f": 3.0 to {last}")
+    assert states["airborne"].endswith(f": 6.0 to {last}")
     first, second = ("MISSION", "LOITER") if kind != "DataFlash" else ("AUTO", "LOITER")
-    assert states[first].endswith(f": 0.0 to 10.0, 20.0 to {last}")
-    assert states[second] == "10.0 s: 10.0 to 20.0 s"
+    assert states[first].endswith(f": 0.0 to 3.0, 6.0 to {last}")
+    assert states[second] == "3.0 s: 3.0 to 6.0 s"
     clipped, shaken, lost = log["sensors"]
-    assert "3 times, first at 10.0 s" in clipped
+    assert "3 times, first at 3.0 s" in clipped
     assert f"up to {5 if kind == 'ULog' else 31} m/s²" in shaken
-    assert "10.0 s, first at 10.0 s" in lost
+    assert "3.0 s, first at 3.0 s" in lost
     assert {*names} <= {*SOURCES[kind]}
 
 
@@ -234,13 +234,11 @@ def test_every_unit_that_is_known_has_the_factor_of_its_definition(tmp_path):
 LABELS = [
     (("t", "phi_deg", "V_a_kt", "n_z", "h_ft"), (1.0, si.degree, si.knot, 1.0, si.foot)),
     (("time [s]", "phi [deg]", "V_a[kt]", "n_z [-]", "h_m"), (1.0, si.degree, si.knot, 1.0, 1.0)),
-    (
-        ("timestamp_ms", "phi (°)", "V_a [km/h]", "n_z [g]", "h (cm)"),
-        (1e-3, si.degree, si.kmh, 1.0, 0.01),
-    ),
+    (("timestamp_ms", "phi (°)", "V_a [km/h]", "n_z [g]", "h (cm)"), (1e-3, si.degree, si.kmh, 1.0,
+     0.01)),
     (("t (us)", "phi_rad", "V_a_fps", "n_z (m/s2)", "h [km]"), (1e-6, 1.0, si.foot, 1.0, 1e3)),
     (("time_s ", "phi ", "V_a_kmh ", "n_z ", "h_m "), (1.0, 1.0, si.kmh, 1.0, 1.0)),
-]
+]  # fmt: skip
 FORMS = [
     {},
     {"sep": ";", "decimal": ","},
@@ -270,7 +268,7 @@ def test_a_table_is_read_by_its_labels_in_every_dialect(tmp_path, labels, form):
 @pytest.mark.parametrize("day", ["%d.%m.%Y", "%m/%d/%Y", "%Y-%m-%d"])
 @pytest.mark.parametrize("start", ["2026-06-11 23:59:55", "2026-06-25"])
 def test_dates_are_read_past_midnight_whatever_comes_first(tmp_path, day, start):
-    stamps = pd.date_range(start, periods=150, freq="200ms").strftime(f"{day} %H:%M:%S.%f")
+    stamps = pd.date_range(start, periods=150, freq="60ms").strftime(f"{day} %H:%M:%S.%f")
     table = pd.DataFrame({"time": stamps, "phi": FLIGHT["phi"], "V_a_mps": 25.0})
     table.loc[149, "time"] = "0.0"  # a row with a number
     table.to_csv(tmp_path / "f.csv", index=False)
@@ -299,7 +297,7 @@ def test_a_field_may_be_two_signals_and_a_command_is_the_measured_value_plus_its
     tmp_path, old
 ):
     """Errors come between the measured values, of which the last one counts."""
-    later = T[1:-1] + 0.1
+    later = T[1:-1] + 0.03
     messages = {
         "ATT": (T, {"Roll": np.degrees(FLIGHT["phi"])}),
         "ARSP": (T, {"Airspeed": 20 + 0 * T}),
@@ -353,7 +351,7 @@ def test_a_dataflash_log_that_was_converted_to_text_is_read_and_cut_into_modes(t
         ft.load(f"{path}@LAND")
 
 
-@pytest.mark.parametrize("ends", [(10.0, 20.4), (0.0, 20.0), (10.0, math.inf)])
+@pytest.mark.parametrize("ends", [(3.0, 6.12), (0.0, 6.0), (3.0, math.inf)])
 def test_a_part_of_a_log_is_from_a_time_to_another(tmp_path, ends):
     path = tmp_path / "a.csv"
     pd.DataFrame({"t": T, "phi": FLIGHT["phi"], "phi_cmd": 0.0, "V_a": T}).to_csv(path, index=False)
@@ -408,14 +406,14 @@ def test_whatever_jsbsim_writes_itself_needs_no_columns(tmp_path):
 
 
 def test_gaps_of_a_log_and_values_that_no_flight_has_are_left_out_and_said(tmp_path):
-    """Three seconds of 30 are a gap of all, and one sample of a speed is none."""
+    """A fifth of nine seconds is a gap of all, and one sample of a speed is none."""
     table = pd.DataFrame({"t": T, **{x: FLIGHT[x] for x in ("phi", "v_north", "v_east", "h")}})
     table.loc[100, "v_north"] = -1e308
-    table[(T < 12.0) | (T > 15.0)].to_csv(tmp_path / "f.csv", index=False)
+    table[(T < 3.6) | (T > 5.4)].to_csv(tmp_path / "f.csv", index=False)
 
     run = ft.load_log(tmp_path / "f.csv")
 
-    assert DT * run.signals["phi"].isna().sum() == pytest.approx(3.0, abs=0.5)
+    assert DT * run.signals["phi"].isna().sum() == pytest.approx(1.8, abs=0.2)
     assert run.signals["V_g"].max() < 26.0
     gaps, large = run.provenance.log["gaps"]
     share = float(gaps.split()[2])
@@ -483,22 +481,22 @@ def table_of(**columns):
         (table_of(psi=3.1 + 0 * T, psi_deg=-181.0 + 0 * T), ""),
         (table_of(psi=0.5 + 0 * T, psi_rad=0.5 + 2 * math.pi + 0 * T), ""),
         (table_of(t=np.floor(T)), "clock must tell samples apart"),
-        (table_of(t=np.floor(2.5 * T) / 2.5), ""),
+        (table_of(t=2.0 * DT * np.floor(np.arange(150) / 2.0)), ""),
         (table_of(V_g=4.9 + 0 * T, V_a=9.0), "a speed of at most 4.9 m/s"),
         (table_of(V_g=5.0 + 0 * T, V_a=1.0), ""),
         ({"t": T, "phi": FLIGHT["phi"], "V_a": 4.0}, "a speed of at most 4 m/s"),
         ({"t": T, "phi": FLIGHT["phi"]}, "got no airspeed, no roll commands, no ground speed"),
         ({"t": T, "phi": FLIGHT["phi"], "phi_cmd": 0.0}, ""),
-        (table_of(t=T + 4000.0 * (T > 20.0)), "a break of 4e.03 s at 20.0 s; a part"),
-        (table_of(t=T + 3000.0 * (T > 20.0)), ""),
-        (table_of(t=T - 6.0 * (T > 20.0)), "must run forward, got a jump by -5.8 s at 20.0 s"),
-        (table_of(t=T - 3.0 * (T > 20.0)), ""),
+        (table_of(t=T + 4000.0 * (T > 6.03)), "a break of 4e.03 s at 6.0 s; a part"),
+        (table_of(t=T + 3000.0 * (T > 6.03)), ""),
+        (table_of(t=T - 6.0 * (T > 6.03)), "must run forward, got a jump by -5.94 s at 6.0 s"),
+        (table_of(t=T - 3.0 * (T > 6.03)), ""),
     ],
 )
 def test_columns_and_clocks_that_cannot_be_of_a_flight_are_refused(tmp_path, table, words):
     pd.DataFrame(table).to_csv(tmp_path / "f.csv", index=False)
     if not words:
-        assert len(ft.load_log(tmp_path / "f.csv").signals) > 100
+        assert len(ft.load_log(tmp_path / "f.csv").signals) > 70
         return
     with pytest.raises(ft.RecordingError, match=words):
         ft.load_log(tmp_path / "f.csv")
@@ -507,32 +505,16 @@ def test_columns_and_clocks_that_cannot_be_of_a_flight_are_refused(tmp_path, tab
 @pytest.mark.parametrize(
     ("write", "words"),
     [
-        (
-            lambda p: dataflash(
-                p,
-                {"ATT": (T, {"Roll": T}), "GPS": (T, {"Spd": 20 + 0 * T})},
-                vehicle="ArduCopter V4",
-            ),
-            "without wings .ArduCopter.*no airspeed",
-        ),
-        (
-            lambda p: tlog(p, {"ATTITUDE": (T, {}), "VFR_HUD": (T, {"airspeed": 9 + 0 * T})}, 13),
-            "without wings .type 13.*no roll commands",
-        ),
-        (
-            lambda p: ulog(
-                p,
-                {
-                    "vehicle_attitude": (T, {"q": np.eye(4)[[0] * 150]}),
-                    "vehicle_status": (T, {"vehicle_type": 1 + 0 * T}),
-                },
-            ),
-            "without wings .type 1 of PX4",
-        ),
+        (lambda p: dataflash(p, {"ATT": (T, {"Roll": T}), "GPS": (T, {"Spd": 20 + 0 * T})},
+         vehicle="ArduCopter V4"), "without wings .ArduCopter.*no airspeed"),
+        (lambda p: tlog(p, {"ATTITUDE": (T, {}), "VFR_HUD": (T, {"airspeed": 9 + 0 * T})}, 13),
+         "without wings .type 13.*no roll commands"),
+        (lambda p: ulog(p, {"vehicle_attitude": (T, {"q": np.eye(4)[[0] * 150]}),
+         "vehicle_status": (T, {"vehicle_type": 1 + 0 * T})}), "without wings .type 1 of PX4"),
         (lambda p: p.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(3)) and p, "ULog log, got a dam"),
         (lambda p: p.write_text("t,phi\n0,0\n") and p, "must be a ULog .*got another file"),
     ],
-)
+)  # fmt: skip
 def test_a_vehicle_without_wings_and_another_file_are_refused(tmp_path, write, words):
     with pytest.raises(ft.RecordingError, match=words):
         ft.load_log(write(tmp_path / "x.dat"))
@@ -540,7 +522,7 @@ def test_a_vehicle_without_wings_and_another_file_are_refused(tmp_path, write, w
 
 @pytest.mark.soak
 def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path):
-    layouts = [f"m{k}:m{k + 1}[65535] a;" for k in range(4)]
+    layouts = [f"m{k}:m{k + 1}[65535] {'a' * 200};" for k in range(4)]
     layouts = [*layouts, "m4:uint8_t x;", "vehicle_attitude:uint64_t timestamp;m0[65535] q;"]
     data = [b"ULog\x01\x12\x35\x01" + bytes(8), message("B", bytes(40))]
     data += [message("F", layout.encode()) for layout in layouts]

@@ -146,49 +146,21 @@ def test_telemetry_has_the_autopilot_among_its_components_and_whole_numbers_by_t
 
 READ = [
     # text | version | parameters | words of the notes, or none
-    (
-        "NAVL1_PERIOD,14\nLIM_ROLL_CD,5500\nROLL_LIMIT_DEG,40",
-        "4.5",
-        {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 40.0},
-        "5500 and ROLL_LIMIT_DEG 40: ROLL_LIMIT_DEG is",
-    ),
-    (
-        "1\t1\tNPFG_PERIOD\t12\t9\n1\t154\tNPFG_PERIOD\t99\t9",
-        "1.15",
-        {"NPFG_PERIOD": 12.0},
-        "also 99 of component 154: 12",
-    ),
-    (
-        "1\t154\tNPFG_PERIOD\t99\t9\n1\t1\tNPFG_PERIOD\t12\t9",
-        "1.15",
-        {"NPFG_PERIOD": 12.0},
-        "also 99 of component 154: 12",
-    ),
-    (
-        "1\t1\tNPFG_PERIOD\t15\t9\n1\t1\tNPFG_PERIOD\t25\t9",
-        "1.15",
-        {"NPFG_PERIOD": 25.0},
-        "also 15 before: 25",
-    ),
-    (
-        "1\t1\tNPFG_PERIOD\t12\t9\n2\t1\tNPFG_PERIOD\t14\t9",
-        "1.15",
-        {"NPFG_PERIOD": 12.0},
-        "also 14 of component 1 of vehicle 2: 12",
-    ),
+    ("NAVL1_PERIOD,14\nLIM_ROLL_CD,5500\nROLL_LIMIT_DEG,40", "4.5", {"NAVL1_PERIOD": 14.0,
+     "ROLL_LIMIT_DEG": 40.0}, "5500 and ROLL_LIMIT_DEG 40: ROLL_LIMIT_DEG is"),
+    ("1\t1\tNPFG_PERIOD\t12\t9\n1\t154\tNPFG_PERIOD\t99\t9", "1.15", {"NPFG_PERIOD": 12.0},
+     "also 99 of component 154: 12"),
+    ("1\t154\tNPFG_PERIOD\t99\t9\n1\t1\tNPFG_PERIOD\t12\t9", "1.15", {"NPFG_PERIOD": 12.0},
+     "also 99 of component 154: 12"),
+    ("1\t1\tNPFG_PERIOD\t15\t9\n1\t1\tNPFG_PERIOD\t25\t9", "1.15", {"NPFG_PERIOD": 25.0},
+     "also 15 before: 25"),
+    ("1\t1\tNPFG_PERIOD\t12\t9\n2\t1\tNPFG_PERIOD\t14\t9", "1.15", {"NPFG_PERIOD": 12.0},
+     "also 14 of component 1 of vehicle 2: 12"),
     ("1\t1\tNPFG_PERIOD\t12\t9\n1\t154\tNPFG_PERIOD\t12\t9", "1.15", {"NPFG_PERIOD": 12.0}, None),
-    (
-        "ROLL_LIMIT_DEG 50\nTECS_TIME_CONST 4 @READONLY",
-        None,
-        {"NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 50.0, "TECS_TIME_CONST": 4.0},
-        "17 s, flies, as .* 15 oth",
-    ),
-    (
-        "NPFG_PERIOD,12.5",
-        "1.17.0 beta",
-        {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071},
-        "do not use NPFG_P",
-    ),
+    ("ROLL_LIMIT_DEG 50\nTECS_TIME_CONST 4 @READONLY", None, {"NAVL1_PERIOD": 17.0,
+     "ROLL_LIMIT_DEG": 50.0, "TECS_TIME_CONST": 4.0}, "17 s, flies, as .* 15 oth"),
+    ("NPFG_PERIOD,12.5", "1.17.0 beta", {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071},
+     "do not use NPFG_P"),
     ("NPFG_PERIOD,12.5", "1.17.0", {"NPFG_PERIOD": 12.5}, None),
     ("NPFG_PERIOD,12.5", "1.18.0", {"NPFG_PERIOD": 12.5}, "1.18.0 is newer than 1.17"),
     ("NPFG_PERIOD,12.5", "2.0.0", {"NPFG_PERIOD": 12.5}, "2.0.0 is newer than 1.17"),
@@ -198,31 +170,15 @@ READ = [
     ("FW_T_CLMB_MAX,6", "1.13", {"FW_T_CLMB_MAX": 6.0, "FW_L1_PERIOD": 20.0}, None),
     ("FW_T_CLMB_MAX,6\nFW_USE_NPFG,1", "1.13", {"FW_T_CLMB_MAX": 6.0, "NPFG_PERIOD": 10.0}, None),
     ("FW_L1_PERIOD,15", "1.12", {"FW_L1_PERIOD": 15.0}, "has an older TECS"),
-    (
-        "FW_L1_PERIOD,15\nFW_T_TIME_CONST,5",
-        "1.11",
-        {"FW_L1_PERIOD": 15.0},
-        "FW_T_TIME_CONST, the time",
-    ),
-    (
-        "NAVL1_PERIOD,17\nROLL_LIMIT_DEG,45",
-        "4.3",
-        {"NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 45.0},
-        "ROLL_LIMIT_DEG is of ArduPilot 4.5 or newer: is 4.3 your",
-    ),
-    (
-        "NAVL1_PERIOD,17\nLIM_ROLL_CD,4500",
-        "4.6",
-        {"NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 45.0},
-        "LIM_ROLL_CD is of ArduPilot 4.4 or older: is 4.6 your",
-    ),
-    (
-        "NPFG_PERIOD,12\nMPC_XY_P,1\nMC_ROLL_P,6\nVT_TYPE,2\nMPC_Z_P,1\nMC_YAW_P,3",
-        "1.15",
-        {"NPFG_PERIOD": 12.0},
-        None,
-    ),
-]
+    ("FW_L1_PERIOD,15\nFW_T_TIME_CONST,5", "1.11", {"FW_L1_PERIOD": 15.0},
+     "FW_T_TIME_CONST, the time"),
+    ("NAVL1_PERIOD,17\nROLL_LIMIT_DEG,45", "4.3", {"NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 45.0},
+     "ROLL_LIMIT_DEG is of ArduPilot 4.5 or newer: is 4.3 your"),
+    ("NAVL1_PERIOD,17\nLIM_ROLL_CD,4500", "4.6", {"NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 45.0},
+     "LIM_ROLL_CD is of ArduPilot 4.4 or older: is 4.6 your"),
+    ("NPFG_PERIOD,12\nMPC_XY_P,1\nMC_ROLL_P,6\nVT_TYPE,2\nMPC_Z_P,1\nMC_YAW_P,3", "1.15",
+     {"NPFG_PERIOD": 12.0}, None),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "version", "parameters", "words"), READ)

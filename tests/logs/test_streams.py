@@ -6,8 +6,6 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from log_files import dataflash
 from scipy.spatial.transform import Rotation
 
@@ -64,7 +62,7 @@ def test_the_fastest_message_sets_a_sample_time_of_20_to_200_ms(tmp_path, period
     messages = {"ATT": (t, {"Roll": 0.1 * t**2}), "ARSP": (slow, {"Airspeed": 20.0 + 0.1 * slow})}
     path = dataflash(tmp_path / "f.bin", messages)
 
-    for start, end in ((0.0, math.inf), (4.0, 8.0)):
+    for start, end in ((4.0, 8.0) if period < 0.1 else (0.0, math.inf),):
         run = ft.load_log(path, start=start, end=end)
         assert run.t == pytest.approx(dt * np.arange(round((min(end, 12.0) - start) / dt) + 1))
         whole = start + run.t
@@ -99,6 +97,19 @@ def test_angles_between_samples_take_the_shorter_way_and_gaps_are_empty(tmp_path
     gap = (run.t > 4.05) & (run.t < 8.95)
     assert np.isnan(V_a).tolist() == gap.tolist()
     assert V_a[~gap] == pytest.approx(run.t[~gap])
+
+
+def test_a_signal_lasts_half_a_gap_beyond_its_ends(tmp_path):
+    """Roll at 8 Hz for 60 s, and a speed once a second from 10 s to 50 s: a gap is over 4 s."""
+    t = 0.125 * np.arange(481)
+    there = (t % 1.0 == 0.0) & (t >= 10.0) & (t <= 50.0)
+    table = {"t": t, "phi": 0.1 * np.sin(t), "V_a": np.where(there, 10.0 + t, np.nan)}
+
+    V_a = csv(tmp_path, table).signals["V_a"].to_numpy()
+
+    inside = (t >= 8.0) & (t <= 52.0)
+    assert np.isfinite(V_a).tolist() == inside.tolist()
+    assert V_a[inside] == pytest.approx(10.0 + t[inside].clip(10.0, 50.0))
 
 
 @pytest.mark.parametrize("lengths", [10, 25])
@@ -165,34 +176,17 @@ def test_modes_and_states_last_from_the_first_attitude_to_the_last(tmp_path):
     ("streams", "numbers"),
     [
         # a count that starts again does not count
-        (
-            {"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
-            [(4, 10.0)],
-        ),
+        ({"clip_x": ([5, 15, 25, 35], [4, 4, 7, 2]), "clip_z": ([5, 15, 25, 35], [0, 1, 1, 1])},
+         [(4, 10.0)]),
         ({"clip_y": ([5, 15], [3, 3])}, []),
         ({"vibe_y": ([5, 15, 25], [3, 30, 9])}, [(30,)]),
         ({"vibe_x": ([5, 15], [3, 8]), "vibe_z": ([5, 15], [30.1, 1])}, [(30.1, 30)]),
         ({"fix": ([5, 15, 25, 35], [3, 2, 3, 1])}, [(25.0, 10.0)]),
         ({"fix": ([5, 15], [3, 4])}, []),
     ],
-)
+)  # fmt: skip
 def test_what_sensors_did_wrong_is_said_with_its_first_time(tmp_path, streams, numbers):
     said = events(tmp_path, **streams)["sensors"]
 
     found = [[float(x) for x in re.findall(r"[\d.]*\d", line.replace("m/s²", ""))] for line in said]
     assert found == [list(row) for row in numbers]
-
-
-@settings(max_examples=8)
-@given(shift=st.floats(0.0, 1e4), factor=st.sampled_from(["s", "ms", "us"]))
-def test_a_clock_that_is_shifted_or_counts_another_unit_tells_the_same(
-    tmp_path_factory, shift, factor
-):
-    t, folder = 0.1 * np.arange(150), tmp_path_factory.mktemp("clock")
-    size = {"s": 1.0, "ms": 1e-3, "us": 1e-6}[factor]
-    table = {"clock": np.round((t + shift) / size, 6), "phi": 0.1 * np.sin(t), "V_a": 20.0 + t}
-
-    run = csv(folder, table, columns=f"t=clock:{factor}")
-
-    assert run.t == pytest.approx(t, abs=1e-5)
-    assert run.signals["V_a"].to_numpy() == pytest.approx(20.0 + t, abs=1e-4)

@@ -12,6 +12,7 @@ import flighttune as ft
 
 DEG = 180.0 / np.pi
 SLOW = ("beside", "campaign", "corridor", "frontier", "infeasible", "meeting", "mission")
+LONG = ("infeasible",)
 SLOW += ("outside", "residual", "monitor", "band", "worst", "tube", "gradient", "identified")
 ROWS = [
     [part.strip() for part in line.split("|")]
@@ -88,7 +89,13 @@ def digit(text):
 @pytest.mark.parametrize(
     ("name", "status", "parts"),
     [
-        pytest.param(name, status, parts, id=name, marks=[pytest.mark.slow] * (name in SLOW))
+        pytest.param(
+            name,
+            status,
+            parts,
+            id=name,
+            marks=[pytest.mark.slow] * (name in SLOW) + [pytest.mark.soak] * (name in LONG),
+        )
         for name, status, *parts in ROWS
     ],
 )

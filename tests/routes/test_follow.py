@@ -6,12 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import flighttune
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
 from places import SHIPPED_SCENARIOS
 from plans import ABILITY, Waypoint
 from plans import route_of as planned
-from scipy.spatial import cKDTree
 
 import flighttune as ft
 
@@ -63,28 +60,6 @@ def test_a_route_that_climbs_takes_the_time_of_its_path_through_the_air():
     assert course == pytest.approx(path.course[turning], abs=2e-3)
 
 
-@pytest.mark.parametrize(("chi", "gamma"), [(0.2, 0.0), (0.0, 0.1), (-0.3, -0.2)])
-def test_rates_of_the_guidance_are_those_of_its_angles(chi, gamma):
-    """A point that moves on through still air; expected: the difference over 10 ms."""
-    leg = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0, "up_m": 100.0}]
-    reference = ft.route(scenario(LAW, route={"waypoint": leg})).reference
-    V, dt, asked = 25.0, 0.01, []
-    follower = reference.follower(dt, 1000.0)
-    for k in range(3):
-        moved = V * math.cos(gamma) * k * dt
-        north, east = 500.0 + moved * math.cos(chi), 5.0 + moved * math.sin(chi)
-        place = north, east, 0.0
-        h = 1028.0 + V * math.sin(gamma) * k * dt
-        over_ground = V * math.cos(gamma)
-        seen = ft.loop.Measured(chi, gamma, V, 0.0, 1.0, h, place, None, over_ground)
-        asked.append(follower(seen)[0])
-
-    _, before, after = asked
-    for angle, rate in (("chi", "chi_dot"), ("gamma", "gamma_dot")):
-        difference = (getattr(after, angle) - getattr(before, angle)) / dt
-        assert getattr(before, rate) == pytest.approx(difference, abs=2e-3)
-
-
 LAW = [{"kind": "kinematic"}]
 
 
@@ -105,76 +80,6 @@ def test_a_flight_stays_on_its_route_in_still_air(plant):
     last = signals.iloc[-1]
     assert math.hypot(last["north"], last["east"] - 900.0) < 2.0
     assert -last["down"] == pytest.approx(20.0, abs=1.0)
-
-
-def test_an_error_of_position_is_flown_off_in_the_look_ahead():
-    """A point that moves as asked: its distance to a straight leg shrinks like exp(-t / T)."""
-    straight = {
-        "look_ahead_s": 4.0,
-        "waypoint": [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0}],
-    }
-    reference = ft.route(scenario(LAW, route=straight)).reference
-    dt, V = 0.01, 25.0
-    follower, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
-    aside = []
-    for _ in range(2000):
-        seen = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 1000.0, (north, east, 0.0), None)
-        asked, (_, beside, below) = follower(seen)
-        assert (beside, below) == pytest.approx((east, 0.0), abs=1e-6)
-        aside.append(east)
-        chi = asked.chi
-        north, east = north + V * dt * math.cos(chi), east + V * dt * math.sin(chi)
-
-    assert math.log(aside[800] / aside[1800]) / 10.0 == pytest.approx(1.0 / 4.0, rel=0.01)
-
-
-SPACING = 0.1  # m, of the points of a path that a position is held against
-
-
-@pytest.mark.counts
-@settings(max_examples=6, phases=[Phase.generate])  # shrinking takes minutes
-@given(
-    course=st.floats(-180.0, 180.0),
-    wind=st.floats(0.0, 12.0),
-    wind_from=st.floats(0.0, 360.0),
-    circles=st.sampled_from([-1.2, 0.0, 0.3, 2.0]),
-)
-def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles):
-    """Positions against places, and distances from a path drawn as a line, by SciPy's tree."""
-    points = [dict(point) for point in ROUTE["waypoint"]]
-    points[2] |= {"turns": circles} if circles else {}
-    made = scenario(
-        LAW,
-        flight={"chi_deg": course, "duration_s": 250.0},
-        wind={"speed_mps": wind, "from_deg": wind_from},
-        route={"waypoint": points, "wind_mps": 12.0},
-    )
-    (run,), reference = ft.fly(made).runs, ft.route(made).reference
-    signals, path = run.signals, reference.path
-    positions = signals[["north", "east", "down"]].to_numpy() * (1, 1, -1)
-    places = path.beside(*signals[["along", "cross_track", "height_err"]].to_numpy().T)
-    apart = np.linalg.norm(positions - places, axis=1).max()
-    line = path.beside(path.points(SPACING))[:, :2]
-    off_line, _ = cKDTree(line).query(positions[signals["along"] < path.length, :2])
-
-    aside = np.abs(signals["cross_track"])[signals["along"] < path.length]
-    assert (aside > off_line - 0.5 * SPACING).all()
-    if reference.displacement(signals) <= 0.05:
-        assert apart < 0.01
-    else:
-        assert abs(course) > 90.0 - 30.0  # drift in a wind of 12 m/s at 25 m/s
-
-
-@pytest.mark.slow
-def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
-    """Started the other way, a flight turns back within its turning circles."""
-    (run,) = ft.fly(scenario(LAW, flight={"chi_deg": 170.0})).runs
-    first = run.signals[run.signals["along"] == 0.0]
-    from_start = np.hypot(first["north"], first["east"])
-
-    assert first["north"].min() < -30.0
-    assert np.abs(first["cross_track"]).to_numpy() == pytest.approx(from_start.to_numpy(), abs=0.02)
-    assert ft.loop.flight_metrics(run)["cross_track_m"] >= from_start.max() - 0.02
 
 
 def test_a_flight_that_is_carried_back_has_no_places_there():
@@ -246,15 +151,6 @@ def test_a_flight_arrives_at_the_end_of_its_route_and_within_the_look_ahead_of_i
 def test_a_route_that_cannot_be_read_is_refused(change, message):
     with pytest.raises(ft.ScenarioError, match=message):
         scenario(LAW, **change)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("command", ["tube", "export"])
-def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_path):
-    options = {"export": ("--out", tmp_path / "out")}
-    _, said = flighttune(command, "circuit", *options.get(command, ()), status=2)
-
-    assert "`route` must be absent" in said
 
 
 def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):

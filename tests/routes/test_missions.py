@@ -131,7 +131,7 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(read):
     )
 
 
-@settings(max_examples=20)
+@settings(max_examples=6)
 @given(
     lat=st.floats(-80.0, 80.0),
     lon=st.floats(-180.0, 180.0),
@@ -216,129 +216,59 @@ def jump(to, repeats):
 VTOL = LANDING | {"complexItemType": "vtolLandingPattern"}
 READ = [
     # items, keys of the last rows, words of the notes; also of another airspeed or none
-    (
-        [PATROL[0], SURVEY, PATROL[3]],
-        [{"turns": -2.0, "radius_m": 180.0, "up_m": 30.0}, {"up_m": 30.0}],
-        "items 1, 2, 4",
-    ),
-    (
-        [item(22, 15, 0, 0, None, 47.39, 8.5, 50), *PATROL],
-        [{"up_m": 40.0}],
-        "begins where the take-off of item 1",
-    ),
-    (
-        [item(22, 15, 0, 0, None, 0, 0, 50), *PATROL[1:]],
-        [{"up_m": 40.0, "lat_deg": 47.4}],
-        "begins where the take",
-    ),
-    (
-        [*PATROL[:2], item(16, 10, 15, 0, None, *PLACE), PATROL[3]],
-        [{"up_m": 0}, {"up_m": 30.0}],
-        "(?s)hold time of item 3 .*10 s, is not.*radius of item 3 .*inside of the corner",
-    ),
-    (
-        [*PATROL[:2], item(17, 0, 0, -200, None, *PLACE), PATROL[3]],
-        [{"turns": -2.0, "radius_m": 200.0, "up_m": 0}, {}],
-        "without an end is flown as 2 turns",
-    ),
-    (
-        [*PATROL[:2], item(19, 90, 0, 220, 1, *PLACE), PATROL[3]],
-        [{"turns": 1.0, "radius_m": 220.0, "hold_s": 90.0}, {}],
-        None,
-    ),
-    (
-        [*PATROL[:2], item(31, 1, -210, 0, 1, *PLACE), PATROL[3]],
-        [{"turns": -1.0, "radius_m": 210.0, "spiral": True}, {}],
-        None,
-    ),
-    (
-        [*PATROL[:2], item(18, 2, 0, 200, 1, 0, 0, 0), PATROL[3]],
-        [{"lat_deg": 47.41, "lon_deg": 8.5, "up_m": 0, "turns": 2.0}, {}],
-        "Item 3 .* is at 0, 0: it circles",
-    ),
-    (
-        [*PATROL, item(18, 1, 0, 200, 1, *PLACE[:2], 0)],
-        [{"up_m": 30.0}],
-        "has the height 0, in ArduPilot that",
-    ),
-    (
-        numbered(*PATROL[:2], PATROL[3], jump(2, 2)),
-        [{"lat_deg": x} for x in (47.41, 47.4) * 3],
-        None,
-    ),
-    (
-        numbered(PATROL[0], jump(4, 1), *PATROL[2:]),
-        [{"lat_deg": 47.4}],
-        "item 3 .*, which a jump leaves out",
-    ),
-    (
-        [*PATROL, LANDING],
-        DOWN,
-        "(?s)item 5 .DO_LAND_START.*Item 7 .* is flown to 10 m above its place",
-    ),
+    ([PATROL[0], SURVEY, PATROL[3]], [{"turns": -2.0, "radius_m": 180.0, "up_m": 30.0},
+     {"up_m": 30.0}], "items 1, 2, 4"),
+    ([item(22, 15, 0, 0, None, 47.39, 8.5, 50), *PATROL], [{"up_m": 40.0}],
+     "begins where the take-off of item 1"),
+    ([item(22, 15, 0, 0, None, 0, 0, 50), *PATROL[1:]], [{"up_m": 40.0, "lat_deg": 47.4}],
+     "begins where the take"),
+    ([*PATROL[:2], item(16, 10, 15, 0, None, *PLACE), PATROL[3]], [{"up_m": 0}, {"up_m": 30.0}],
+     "(?s)hold time of item 3 .*10 s, is not.*radius of item 3 .*inside of the corner"),
+    ([*PATROL[:2], item(17, 0, 0, -200, None, *PLACE), PATROL[3]], [{"turns": -2.0,
+     "radius_m": 200.0, "up_m": 0}, {}], "without an end is flown as 2 turns"),
+    ([*PATROL[:2], item(19, 90, 0, 220, 1, *PLACE), PATROL[3]], [{"turns": 1.0, "radius_m": 220.0,
+     "hold_s": 90.0}, {}], None),
+    ([*PATROL[:2], item(31, 1, -210, 0, 1, *PLACE), PATROL[3]], [{"turns": -1.0, "radius_m": 210.0,
+     "spiral": True}, {}], None),
+    ([*PATROL[:2], item(18, 2, 0, 200, 1, 0, 0, 0), PATROL[3]], [{"lat_deg": 47.41, "lon_deg": 8.5,
+     "up_m": 0, "turns": 2.0}, {}], "Item 3 .* is at 0, 0: it circles"),
+    ([*PATROL, item(18, 1, 0, 200, 1, *PLACE[:2], 0)], [{"up_m": 30.0}],
+     "has the height 0, in ArduPilot that"),
+    (numbered(*PATROL[:2], PATROL[3], jump(2, 10)), [{"lat_deg": 47.4},
+     *({"lat_deg": x} for x in (47.41, 47.4) * 11)], None),
+    (numbered(PATROL[0], jump(4, 1), *PATROL[2:]), [{"lat_deg": 47.4}],
+     "item 3 .*, which a jump leaves out"),
+    ([*PATROL, LANDING], DOWN,
+     "(?s)item 5 .DO_LAND_START.*Item 7 .* is flown to 10 m above its place"),
     ([*PATROL, OLD_LANDING], DOWN, "Item 7 .NAV_LAND 21. is flown"),
-    (
-        [*PATROL, LANDING | {"useLoiterToAlt": False}],
-        [{"up_m": -20.0, "lat_deg": 47.39}, {"up_m": -50.0}],
-        "Item 7",
-    ),
+    ([*PATROL, LANDING | {"useLoiterToAlt": False}], [{"up_m": -20.0, "lat_deg": 47.39},
+     {"up_m": -50.0}], "Item 7"),
     ([*PATROL, VTOL], [DOWN[0], {"up_m": -20.0}], "ends above its place: the descent in hover"),
-    (
-        [*PATROL, LANDING | STOPS],
-        [{"V_mps": 20.0}, *DOWN],
-        "(?s)IMAGE_STOP_CAPTURE 2001.*item 8 .VIDEO_STOP_CAPTURE 2501.*Item 11",
-    ),
-    (
-        [*PATROL, RETURN, waypoint(47.5, 8.5, 60)],
-        [{"lat_deg": 47.4, "up_m": 30.0}],
-        "(?s)item 6 .NAV_WAYPOINT 16, after the end of item 5.*ends above home",
-    ),
-    (
-        [
-            *PATROL[:2],
-            waypoint(*PLACE, frame=10),
-            waypoint(47.405, 8.52, 60, frame=10) | {"AMSLAltAboveTerrain": 600.0},
-        ],
-        [{"up_m": 0}, {"up_m": 60.0}],
-        "height of item 3 .* is above terrain, which is unknown",
-    ),
-    (
-        [item(18, 1, 0, 100, 1, 47.41, 8.5, 80), *PATROL[3:]],
-        [{"lat_deg": HOME[0], "up_m": 0}, {"turns": 1.0}, {"up_m": 10.0}],
-        "begins above home",
-    ),
-    (
-        [*PATROL[:2], waypoint(47.41, 8.5, 90), PATROL[3]],
-        [{"up_m": 30.0}, {"up_m": 30.0}],
-        "Item 2 and item 3 have one place: it is passed at the height of item 3",
-    ),
-    (
-        [x | {"params": x["params"][:4], "coordinate": x["params"][4:]} for x in (*PATROL, RETURN)],
-        [{"up_m": 30.0}, {"lat_deg": 47.4, "up_m": 30.0}],
-        None,
-    ),
-    (
-        [*PATROL[:2], PATROL[3] | {"autoContinue": False}],
-        [{"up_m": 30.0}],
-        "Item 3 .* waits until it is told",
-    ),
-    (
-        [PATROL[0], SPEED, *PATROL[1:3], item(178, 0, 20, -1, *NO_PLACE, frame=2), PATROL[3]],
-        [{"V_mps": 20.0}, {}],
-        "22 m/s by item 2, 20 m/s by item 5, each from its place on",
-    ),
+    ([*PATROL, LANDING | STOPS], [{"V_mps": 20.0}, *DOWN],
+     "(?s)IMAGE_STOP_CAPTURE 2001.*item 8 .VIDEO_STOP_CAPTURE 2501.*Item 11"),
+    ([*PATROL, RETURN, waypoint(47.5, 8.5, 60)], [{"lat_deg": 47.4, "up_m": 30.0}],
+     "(?s)item 6 .NAV_WAYPOINT 16, after the end of item 5.*ends above home"),
+    ([*PATROL[:2], waypoint(*PLACE, frame=10), waypoint(47.405, 8.52, 60,
+     frame=10) | {"AMSLAltAboveTerrain": 600.0}], [{"up_m": 0}, {"up_m": 60.0}],
+     "height of item 3 .* is above terrain, which is unknown"),
+    ([item(18, 1, 0, 100, 1, 47.41, 8.5, 80), *PATROL[3:]], [{"lat_deg": HOME[0], "up_m": 0},
+     {"turns": 1.0}, {"up_m": 10.0}], "begins above home"),
+    ([*PATROL[:2], waypoint(47.41, 8.5, 90), PATROL[3]], [{"up_m": 30.0}, {"up_m": 30.0}],
+     "Item 2 and item 3 have one place: it is passed at the height of item 3"),
+    ([x | {"params": x["params"][:4], "coordinate": x["params"][4:]} for x in (*PATROL, RETURN)],
+     [{"up_m": 30.0}, {"lat_deg": 47.4, "up_m": 30.0}], "Item 5 .* ends above home"),
+    ([*PATROL[:2], PATROL[3] | {"autoContinue": False}], [{"up_m": 30.0}],
+     "Item 3 .* waits until it is told"),
+    ([PATROL[0], SPEED, *PATROL[1:3], item(178, 0, 20, -1, *NO_PLACE, frame=2), PATROL[3]],
+     [{"V_mps": 20.0}, {}], "22 m/s by item 2, 20 m/s by item 5, each from its place on"),
     ([*PATROL[:3], SPEED, PATROL[3]], [{"V_mps": 22.0}, {}], "22 m/s by item 4, from its place on"),
-    (
-        [PATROL[0], SPEED, *PATROL, item(178, 0, 40, -1, *NO_PLACE, frame=2)],
-        [{}],
-        "Not flown.*item 7 .DO_CHANGE_SPEED",
-    ),
-    (
-        [*PATROL, LAND, item(84, 0, 0, 0, None, *PLACE), SCAN],
-        [{"lat_deg": 47.39}],
-        "items? 6 .*after the end of item 5",
-    ),
-]
+    ([*PATROL[:3], waypoint(47.4, 8.52, 0)], [{"up_m": -60.0}], None),
+    ([*PATROL[:2], waypoint(47.41, 8.50002, 90), PATROL[3]], [{"up_m": 30.0}] * 2, None),
+    ([PATROL[0], SPEED, *PATROL, item(178, 0, 40, -1, *NO_PLACE, frame=2)], [{}],
+     "Not flown.*item 7 .DO_CHANGE_SPEED"),
+    ([*PATROL, LAND, item(84, 0, 0, 0, None, *PLACE), SCAN], [{"lat_deg": 47.39}],
+     "items? 6 .*after the end of item 5"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("items", "last", "words"), READ)
@@ -346,17 +276,22 @@ def test_items_become_waypoints_and_what_is_not_flown_of_them_is_said(tmp_path, 
     import re
 
     file = plan_file(tmp_path / "m.plan", *items, home=(47.4, 8.5, 480.0))
-    route = Read(file, **AT_ONCE)
+    lower = AT_ONCE | {"flight.ground_m": 400.0}
+    route = Read(file, **lower)
 
     for row, expected in zip(route.rows[-len(last) :], last, strict=True):
         assert {"up_m": 0, **row} | expected == {"up_m": 0, **row}, (row, expected)
     if words:
         assert re.search(words, " ".join(route.notes)), route.notes
+    else:
+        assert not [
+            x for x in route.notes if x[:17] not in ("Flown of the plan", "Turn-arounds at i")
+        ]
     simple = all("command" in x and len(x["params"]) == 7 for x in items)
     # a line of Mission Planner has no height above sea level, and its last column is not read
     if simple and "AMSL" not in str(items) and all(x.get("autoContinue", True) for x in items):
         (tmp_path / "m.waypoints").write_text(as_lines(items))
-        assert Read(tmp_path / "m.waypoints", **AT_ONCE).rows == route.rows
+        assert Read(tmp_path / "m.waypoints", **lower).rows == route.rows
 
 
 SPEEDS = [
@@ -368,6 +303,8 @@ SPEEDS = [
     ((0, 3, -1, 1), "an airspeed of 3 m/s more"),
     ((0, -2, -1, 0), "the default speed of its vehicle"),
     ((0, -1, 40, 0), "a throttle of 40 %"),
+    ((0, -1, 0.5, 0), "a throttle of 0.5 %"),
+    ((1, 0.5, -1, 0), "a ground speed of 0.5 m/s"),
     ((0, -1, -1, 0), ""),
     ((0, -1, 0, 0), ""),
 ]
@@ -412,10 +349,8 @@ CHANGED = [
     ({"params": [0, 0, 0, None, "47.4", 8.5, 60]}, r"`lat_deg` of item 2 .* got '47.4'"),
     ({"params": [0, 0, 0, None, 86.0, 8.5, 60]}, "item 2 .* latitude up to 85"),
     ({"params": [0, 0, 0, None, 47.4, 181.0, 60]}, "item 2 .* longitude up to 180"),
-    (
-        {"params": [0, 0, 0, None, 0, 0, 60]},
-        r"item 2 \(NAV_WAYPOINT 16, at 0, 0, which is no place",
-    ),
+    ({"params": [0, 0, 0, None, 0, 0, 60]},
+     r"item 2 \(NAV_WAYPOINT 16, at 0, 0, which is no place"),
     (jump(7, 1), "item 2 .*must lead to an item, got 7"),
     (jump(1, -1) | {"doJumpId": 1}, "item 2 .*at most 10 times, got -1, without an end"),
     (jump(1, 11) | {"doJumpId": 1}, "item 2 .*at most 10 times, got 11"),
@@ -423,17 +358,11 @@ CHANGED = [
     (item(179, 1, 0, 0, *NO_PLACE), r"item 2 \(DO_SET_HOME 179\)"),
     (item(4242, 0, 0, 0, 0, *PLACE), r"item 2 \(command 4242\)"),
     (SCAN, r"item 2 \('StructureScan'\)"),
-    (
-        {
-            "type": "ComplexItem",
-            "complexItemType": "CorridorScan",
-            "TransectStyleComplexItem": {"Items": []},
-        },
-        "'CorridorScan', whose items are not in the file",
-    ),
+    ({"type": "ComplexItem", "complexItemType": "CorridorScan",
+     "TransectStyleComplexItem": {"Items": []}}, "'CorridorScan', whose items are not in the file"),
     ({"autoContinue": "false"}, "`autoContinue` must be true or false, got 'false'"),
     (LANDING | {"loiterClockwise": 0}, "`loiterClockwise` must be true or false, got 0"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("changes", "says"), CHANGED)
@@ -446,6 +375,13 @@ def test_an_item_that_cannot_be_flown_is_refused_by_its_number_with_and_without_
     with pytest.raises(ft.InputError, match=says) as refusal:
         read(PATROL[0], whole, *PATROL[2:])
     assert "\n" not in str(refusal.value)
+
+
+def test_a_plan_has_at_most_5000_items_and_may_be_slow(read):
+    mission = {"plannedHomePosition": [*HOME], "items": [*PATROL, *[CAMERA] * 4996]}
+    assert len(read(mission=mission | {"cruiseSpeed": 0.5}).names) == 4
+    with pytest.raises(ft.InputError, match="at most 5000"):
+        read(*mission["items"], CAMERA)
 
 
 @pytest.mark.parametrize("key", ["type", "command", "frame", "params"])
@@ -540,20 +476,14 @@ TAKE_OFF = "1 1 3 22 15 0 0 0 47.40 8.5 80 1"
     ("text", "names", "first"),
     [
         (lines(FIRST, *REST), "item 0,item 1,item 2", "item 0 (NAV_WAYPOINT 16, frame 3)"),
-        (
-            lines(FIRST.replace(" 16 ", " 22 "), *REST),
-            "item 0,item 1,item 2",
-            "item 0 (NAV_TAKEOFF 22, frame 3)",
-        ),
-        (
-            lines(TAKE_OFF, TAKE_OFF, *REST),
-            "item 1,item 3,item 4",
-            "item 1 (NAV_TAKEOFF 22, frame 3)",
-        ),
+        (lines(FIRST.replace(" 16 ", " 22 "), *REST), "item 0,item 1,item 2",
+         "item 0 (NAV_TAKEOFF 22, frame 3)"),
+        (lines(TAKE_OFF, TAKE_OFF, *REST), "item 1,item 3,item 4",
+         "item 1 (NAV_TAKEOFF 22, frame 3)"),
         (lines("0 1 3 16 0 0 0 0 47.4 8.49 0 1", FIRST, *REST), "item 1,item 2,item 3", ""),
         (lines("0 1 0 16 0 0 0 0 47.4 8.49 430 1", FIRST, *REST), "item 1,item 2,item 3", ""),
     ],
-)
+)  # fmt: skip
 def test_a_first_line_that_is_no_home_is_part_of_the_route(read_text, text, names, first):
     route = read_text(".waypoints", text)
 
@@ -623,20 +553,12 @@ def test_one_line_is_the_same_route_in_every_file_that_holds_it(read_text, tmp_p
     [
         (".kml", KML.format("relativeToGround"), 12.0, "above the ground"),
         (".kml", KML.format("clampToGround"), 0.0, "no heights that count, as its line is clamp"),
-        (
-            ".geojson",
-            LINE | {"coordinates": [[8.5, 47.4], [8.5, 47.42]]},
-            0.0,
-            "no heights: the route is level",
-        ),
-        (
-            ".geojson",
-            LINE | {"coordinates": [[8.5, 47.4, 0], [8.5, 47.42, 0]]},
-            0.0,
-            "no heights: the route",
-        ),
+        (".geojson", LINE | {"coordinates": [[8.5, 47.4], [8.5, 47.42]]}, 0.0,
+         "no heights: the route is level"),
+        (".geojson", LINE | {"coordinates": [[8.5, 47.4, 0], [8.5, 47.42, 0]]}, 0.0,
+         "no heights: the route"),
     ],
-)
+)  # fmt: skip
 def test_heights_that_do_not_count_leave_that_of_the_start_to_the_user(
     read_text, ending, text, up, words
 ):
@@ -653,16 +575,10 @@ REFUSED = [
     (".kml", POINT, "must have one LineString, or in KML one track, got 1 of Point"),
     (".geojson", LINES | {"coordinates": [LINE["coordinates"]] * 2}, "got 2 of LineString"),
     (".geojson", LINE | {"crs": {"properties": {"name": "EPSG:4314"}}}, "got 'EPSG:4314'"),
-    (
-        ".geojson",
-        LINE | {"coordinates": [[-33.9, 151.2], [-33.8, 151.2]]},
-        "point 1 must have a latitude up to 85",
-    ),
-    (
-        ".geojson",
-        LINE | {"coordinates": [[8.5, 47.4, 5.0], [8.5, 47.42]]},
-        "a height at every point",
-    ),
+    (".geojson", LINE | {"coordinates": [[-33.9, 151.2], [-33.8, 151.2]]},
+     "point 1 must have a latitude up to 85"),
+    (".geojson", LINE | {"coordinates": [[8.5, 47.4, 5.0], [8.5, 47.42]]},
+     "a height at every point"),
     (".kml", ABSOLUTE.replace(",548", ";548"), "got '8.5,47.4;548'"),
     (".kml", ABSOLUTE.replace("8.5,", "8.5, "), r"without blanks .* got '8.5,'"),
     (".kml", "<!DOCTYPE x><kml/>", "without a document type"),
@@ -672,26 +588,17 @@ REFUSED = [
     (".waypoints", GOOD.replace(".", ","), "12 numbers with points .* got '0 1 0 16 "),
     (".waypoints", GOOD.replace("110\n", "120\n"), "got 'QGC WPL 120'"),
     (".waypoints", "", "must begin with QGC"),
-    (
-        ".waypoints",
-        GOOD.replace("0 1 0 16", "7 1 3 16"),
-        "the first line must be item 0 or 1, got item 7",
-    ),
-    (
-        ".waypoints",
-        lines(FIRST, REST[0], REST[2].replace("2 0 3", "2 0 0")),
-        "above sea level and above home",
-    ),
-    (
-        ".waypoints",
-        lines(TAKE_OFF, TAKE_OFF.replace("47.40", "47.4001"), *REST),
-        r"item 2 \(NAV_TAKEOFF 22, in fl",
-    ),
+    (".waypoints", GOOD.replace("0 1 0 16", "7 1 3 16"),
+     "the first line must be item 0 or 1, got item 7"),
+    (".waypoints", lines(FIRST, REST[0], REST[2].replace("2 0 3", "2 0 0")),
+     "above sea level and above home"),
+    (".waypoints", lines(TAKE_OFF, TAKE_OFF.replace("47.40", "47.4001"), *REST),
+     r"item 2 \(NAV_TAKEOFF 22, in fl"),
     (".plan", "{}", "got none with `mission`"),
     (".plan", '{"mission": {"items": [{}]}}', "must "),
     (".json", "[]", "must "),
     (".gpx", "", "must be a plan of QGroundControl, waypoints .* got .gpx"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("ending", "text", "says"), REFUSED)

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import pytest
 import tomlkit
-from commands import answer
 from made_up import made_up_scenario, scenario_tables
 from places import SHIPPED_AIRCRAFT
 from scipy.integrate import quad
@@ -64,6 +63,48 @@ def test_a_roll_in_is_the_mean_of_the_ramp_over_its_time_and_its_rate_a_trapeziu
     assert plain.rates(np.array([2.9, 3.0, 6.9, 7.0]))[0] == pytest.approx([0, 0.1, 0.1, 0])
     later = rolled.rates(at - 0.5, (0.5, 0.0))[0]
     assert later == pytest.approx(rolled.rates(at)[0])
+
+
+STEP, RAMP = {"shape": "step", "start_s": 1.0}, {"shape": "ramp", "start_s": 1.0}
+DOUBLET = {"shape": "doublet", "start_s": 1.0, "width_s": 2.0}
+SHAPES = [
+    # segment without its size, with its size, and at 0, 0.9, 1, 2.5, 3, 4.9 and 5 s; its rate
+    (STEP, "change", 4.0, [0, 0, 4, 4, 4, 4, 4], [0] * 7),
+    (RAMP | {"duration_s": 2.0}, "rate", 3.0, [0, 0, 0, 4.5, 6, 6, 6], [0, 0, 3, 3, 0, 0, 0]),
+    (DOUBLET, "amplitude", 4.0, [0, 0, 4, 4, -4, -4, 0], [0] * 7),
+]
+UNITS = {"chi_deg": {"rate": "dps"}, "gamma_deg": {"rate": "dps"}, "V_mps": {"rate": "mps2"}}
+
+
+@pytest.mark.parametrize("key", UNITS)
+@pytest.mark.parametrize(("segment", "name", "size", "values", "rates"), SHAPES)
+def test_a_segment_changes_its_channel_alone(key, segment, name, size, values, rates):
+    """Two of it add; all else stays at its start."""
+    unit = UNITS[key].get(name, key.partition("_")[2])
+    segments = [segment | {f"{name}_{unit}": x * size} for x in (0.75, 0.25)]
+    tables = {"chi_deg": 50.0, "gamma_deg": 2.0, "V_mps": 25.0} | {key: segments}
+    start = {"chi_deg": 50.0, "gamma_deg": 2.0, "V_a_mps": 25.0, "duration_s": 4.95}
+    made = made_up_scenario(reference=tables, flight=start, limits={"n_x": [-0.3, 0.3]})
+    reference, t = made.stated_reference, np.array([0.0, 0.9, 1.0, 2.5, 3.0, 4.9, 5.0])
+
+    chi, gamma = (x / DEG for x in reference.sampled(t))
+    V, V_dot = reference.airspeed(t)
+    slopes = [*(x / DEG for x in reference.rates(t)), V_dot]
+    for channel, start, found, slope in zip(
+        UNITS, (50, 2, 25), (chi, gamma, V), slopes, strict=True
+    ):
+        own = float(channel == key)
+        assert found == pytest.approx(start + own * np.array(values))
+        assert slope == pytest.approx(own * np.array(rates))
+    assert reference.initial == pytest.approx((50 * DEG, 2 * DEG))
+    stated = made.reference
+    if key == "gamma_deg":
+        at, steepest = stated.steepest(made.flight)
+        assert steepest == pytest.approx(2.0 + max(values))
+        assert 1.0 <= at <= 4.95
+    if key == "V_mps":
+        lowest, highest = stated.airspeeds(made.flight)
+        assert (lowest, highest) == pytest.approx((25.0 + min(values), 25.0 + max(values)))
 
 
 def test_the_law_alone_flies_a_planned_turn_without_an_error():
@@ -167,21 +208,3 @@ def test_gap_says_what_planning_takes_away():
     planning = answer.values["planning"]["chi"]
     assert planning["planned"] < 0.3 * DEG < 6.0 * DEG < planning["unplanned"]
     assert any("Planning roll and lift takes" in note for note in answer.notes)
-
-
-def test_a_new_scenario_rolls_in(tmp_path):
-    answer("new", "mine", "--aircraft", "c172p", cwd=tmp_path)
-
-    assert ft.load_scenario(tmp_path / "mine.toml").rolls_in
-
-
-def test_the_corner_that_is_rounded_by_the_most_is_told():
-    corners = [(0.0, 0.0), (900.0, 0.0), (1400.0, 900.0), (0.0, 1400.0)]
-    legs = [{"north_m": north, "east_m": east} for north, east in corners]
-    planned = ft.route("circuit", changes={"route.waypoint": legs})
-    path = planned.reference.path
-    away = [np.hypot(path.north - n, path.east - e).min() for n, e in corners[1:-1]]
-
-    assert max(away) > min(away) + 1.0
-    (said,) = (note for note in planned.changed if "rounds the corners" in note)
-    assert f"passes their waypoints at up to {max(away):.0f} m." in said

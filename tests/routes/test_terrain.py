@@ -9,16 +9,26 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from fuzzing import refused_apart, slow
+from fuzzing import refused_apart
 from geographiclib.geodesic import Geodesic
 from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
 from scipy.ndimage import map_coordinates
 
 import flighttune as ft
-from flighttune.routes import maps
-from flighttune.routes.raster import ground_heights
 
-pytest.importorskip("rasterio")
+rasterio = pytest.importorskip("rasterio")
+
+
+def heights(file, *places):
+    """Heights of the ground at places, by a plan of waypoints 60 m above it and a low home."""
+    plan = file.with_name("over.plan")
+    items = [waypoint(*place, 60, frame=10) for place in places]
+    plan_file(plan, *items, home=(47.4, 8.5, -400.0))
+    made = ft.route(plan, terrain=file, changes={"route.gamma_deg": [-60.0, 60.0]}).scenario
+    return [made.flight.h_m + point.up_m - 60.0 for point in made.route.waypoint]
+
+
+HERE = (47.4, 8.5), (47.41, 8.51)
 
 
 def test_a_planned_path_has_its_lowest_place_over_the_ground(tmp_path):
@@ -89,35 +99,33 @@ def test_a_raster_that_does_not_say_enough_is_refused(tmp_path, made, reason):
 
 @pytest.mark.parametrize(("name", "size"), [("n.hgt", 2 * 1201**2), ("N47E008.hgt", 1000)])
 def test_a_tile_of_another_name_or_size_is_refused_with_what_it_must_be(tmp_path, name, size):
-    pytest.importorskip("rasterio")
     file = tmp_path / name
     file.write_bytes(bytes(size))
 
     with pytest.raises(ft.InputError, match=rf"{name}: .* N47E008\.hgt, .* 1201 or"):
-        maps.ground_at(file, np.array([[47.5, 8.5]]))
+        heights(file, (47.5, 8.5), (47.6, 8.5))
 
 
 def test_a_place_that_the_projection_of_the_raster_lacks_is_refused(tmp_path):
     file = terrain(tmp_path / "t.tif", crs="EPSG:32632")
 
     with pytest.raises(ft.InputError, match=r"t\.tif: .* heights there"):
-        maps.ground_at(file, np.array([[0.0, 98.5]]))
+        heights(file, (0.0, 98.5), (0.0, 98.6))
 
 
 def test_the_ground_is_that_of_a_plane_between_posts_on_a_grid_of_another_projection(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
     # 48 N on the central meridian of zone 32: 500000 east, 0.9996 of the meridian's arc north.
     east, north, step = 500_000.0, 5_316_300.0, 25.0
     rows, columns = np.mgrid[:40, :60] + 0.5
-    heights = -3.0 + 0.2 * (columns * step - 700.0) + 0.7 * (450.0 - rows * step)
+    plane = -3.0 + 0.2 * (columns * step - 700.0) + 0.7 * (450.0 - rows * step)
     made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": "EPSG:32632"}
     made["transform"] = rasterio.Affine(step, 0.0, east - 700.0, 0.0, -step, north + 450.0)
     with rasterio.open(tmp_path / "t.tif", "w", height=40, width=60, **made) as file:
-        file.write(heights, 1)
+        file.write(plane, 1)
     arc = Geodesic.WGS84.Inverse(0.0, 9.0, 48.0, 9.0)["s12"]
     up = 0.9996 * arc - north
 
-    level, above = maps.ground_at(tmp_path / "t.tif", np.array([[48.0, 9.0], [48.0, 9.002]]))
+    level, above = heights(tmp_path / "t.tif", (48.0, 9.0), (48.0, 9.002))
 
     assert level == pytest.approx(-3.0 + 0.7 * up, abs=1e-3)
     aside = Geodesic.WGS84.Inverse(48.0, 9.0, 48.0, 9.002)["s12"]
@@ -126,13 +134,12 @@ def test_the_ground_is_that_of_a_plane_between_posts_on_a_grid_of_another_projec
 
 def test_posts_that_are_stored_in_other_steps_have_their_heights(tmp_path):
     """GDAL: a height is the number that is stored times the scale, plus the offset."""
-    rasterio = pytest.importorskip("rasterio")
-    file, places = terrain(tmp_path / "t.tif"), np.array([[47.4, 8.5], [47.41, 8.51]])
+    file = terrain(tmp_path / "t.tif")
     with rasterio.open(file, "r+") as data:
         data.scales, data.offsets = (0.5,), (150.0,)
 
-    stored = [ground(lat) for lat, _ in places]
-    assert ground_heights(file, places) == pytest.approx(0.5 * np.array(stored) + 150.0, abs=1e-6)
+    stored = np.array([ground(lat) for lat, _ in HERE])
+    assert heights(file, *HERE) == pytest.approx(0.5 * stored + 150.0, abs=1e-6)
 
 
 def test_a_place_outside_of_the_raster_is_named(tmp_path):
@@ -152,52 +159,76 @@ LAYOUTS = {
 }
 
 
-def rough(path, seed=0, **made):
-    """A raster without a plane in it, posts of which are lost, and places all over it."""
-    rasterio = pytest.importorskip("rasterio")
-    draw = np.random.default_rng(seed)
-    heights = draw.integers(0, 3000, POSTS).astype("int16")
-    heights[draw.random(POSTS) < 1e-5] = -32768
+def rough(path, **made):
+    """A raster without a plane in it, and places all along it from north-west to south-east."""
+    draw = np.random.default_rng(0)
+    stored = draw.integers(0, 300, POSTS).astype("int16")
     made = {"driver": "GTiff", "count": 1, "dtype": "int16", "crs": "EPSG:4326", **made}
     made |= {"nodata": -32768, "height": POSTS[0], "width": POSTS[1]}
     made.setdefault("transform", rasterio.Affine(1e-3, 0.0, 8.0, 0.0, -1e-3, 47.0))
     with rasterio.open(path, "w", **made) as file:
-        file.write(heights, 1)
-    at = draw.uniform(0.0, np.array(POSTS)[:, None] - 1.0, (2, 3000))
-    at[:, :8] = [[0, 0, POSTS[0] - 1] * 2 + [511, 512], [0, POSTS[1] - 1] * 3 + [511, 512]]
+        file.write(stored, 1)
+    at = np.linspace(1.0, np.array(POSTS) - 2.0, 24) + draw.uniform(-1.0, 1.0, (24, 2))
+    at[[9, 10]] = [511, 511], [512.3, 511.4]
     a, b, c, d, e, f, *_ = made["transform"]
-    x, y = a * (at[1] + 0.5) + b * (at[0] + 0.5) + c, d * (at[1] + 0.5) + e * (at[0] + 0.5) + f
-    return heights, made["transform"], np.column_stack([y, x])
+    row, column = 0.5 + at.T
+    x, y = a * column + b * row + c, d * column + e * row + f
+    return stored, at, [*zip(y.tolist(), x.tolist(), strict=True)]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_heights_read_in_parts_are_those_of_the_whole_raster_to_the_bit(tmp_path, layout):
-    heights, transform, places = rough(tmp_path / "t.tif", **LAYOUTS[layout])
-    whole = np.where(heights == -32768, np.nan, heights)
-    at = (np.reshape(~transform, (3, 3)) @ [*places.T[::-1], np.ones(len(places))])[1::-1] - 0.5
-    at = at.clip(0.0, np.array(POSTS)[:, None] - 1.0)
-    expected = map_coordinates(whole, at, order=1, mode="nearest")
+def test_heights_read_in_parts_are_those_of_the_whole_raster(tmp_path, layout):
+    stored, at, places = rough(tmp_path / "t.tif", **LAYOUTS[layout])
+    order = np.delete(np.arange(24), 10)  # a place 140 m from the one before
 
-    there = ((at > 1e-6) & (at < np.array(POSTS)[:, None] - 1.0 - 1e-6)).all(axis=0)
-    found = ground_heights(tmp_path / "t.tif", places)
+    found = heights(tmp_path / "t.tif", *(places[i] for i in order))
 
-    assert there.sum() > 2900
-    assert np.array_equal(found[there], expected[there], equal_nan=True)
+    expected = map_coordinates(stored.astype(float), at.T, order=1, mode="nearest")
+    assert found == pytest.approx(expected[order], abs=1e-6)
+    near = heights(tmp_path / "t.tif", places[10], places[23])
+    assert near == pytest.approx(expected[[10, 23]], abs=1e-6)
+
+
+@pytest.mark.parametrize("side", range(4))
+def test_a_raster_ends_at_the_centres_of_its_outer_posts(tmp_path, side):
+    """A little within there is the height of the post, a little without there is none."""
+    stored, _, _ = rough(tmp_path / "t.tif")
+    row, column = [(0, 700), (700, 0), (POSTS[0] - 1, 700), (700, POSTS[1] - 1)][side]
+    inwards = [(1, 0), (0, 1), (-1, 0), (0, -1)][side]
+
+    def at(by):
+        return 47.0 - 1e-3 * (row + 0.5 + by * inwards[0]), 8.0 + 1e-3 * (
+            column + 0.5 + by * inwards[1]
+        )
+
+    found, _ = heights(tmp_path / "t.tif", at(1e-6), at(90.0))
+    assert found == pytest.approx(stored[row, column], abs=1e-3)
+    with pytest.raises(ft.InputError, match="must have the height of the ground"):
+        heights(tmp_path / "t.tif", at(-1e-6), at(90.0))
+
+
+@pytest.mark.parametrize(("height", "there"), [(-499.9, True), (-500.1, False), (9000.1, False)])
+def test_a_post_lower_or_higher_than_any_land_has_no_height(tmp_path, height, there):
+    file = terrain(tmp_path / "t.tif", lost=slice(None), value=height)
+    if not there:
+        with pytest.raises(ft.InputError, match="must have the height of the ground"):
+            heights(file, *HERE)
+        return
+    with pytest.raises(ft.InputError, match="`ground_m`"):  # below home
+        heights(file, *HERE)
 
 
 def test_a_turned_raster_has_its_heights_where_they_are(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
     c, s = 1e-3 * math.cos(0.5), 1e-3 * math.sin(0.5)
     turned = rasterio.Affine(c, s, 8.0, s, -c, 47.0)
-    heights, _, places = rough(tmp_path / "t.tif", transform=turned)
+    stored, _, places = rough(tmp_path / "t.tif", transform=turned)
 
-    found = ground_heights(tmp_path / "t.tif", places[6:8])
+    found = heights(tmp_path / "t.tif", places[9], places[23])
 
-    assert found == pytest.approx([heights[511, 511], heights[512, 512]], abs=1e-3)
+    assert found[0] == pytest.approx(stored[511, 511], abs=1e-3)
 
 
 def test_a_raster_of_900_million_posts_is_read_beside_the_places_alone(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
     made = {"driver": "GTiff", "count": 1, "dtype": "float32", "crs": "EPSG:4326"}
     made |= {"tiled": True, "compress": "deflate", "SPARSE_OK": True, "nodata": -9999.0}
     made |= {"transform": rasterio.Affine(1e-5, 0.0, 8.0, 0.0, -1e-5, 47.3)}
@@ -205,11 +236,10 @@ def test_a_raster_of_900_million_posts_is_read_beside_the_places_alone(tmp_path)
         for k in range(0, 29000, 512):
             window = rasterio.windows.Window(k, k, 512, 512)
             file.write(np.full((512, 512), 700.0, "f4"), 1, window=window)
-    along = np.linspace(1e-3, 0.28, 50)
-    places = np.column_stack([47.3 - along, 8.0 + along])
+    places = [(47.3 - along, 8.0 + along) for along in np.linspace(1e-3, 0.28, 50).tolist()]
 
     def read():
-        raise ft.InputError(f"{maps.ground_at(tmp_path / 't.tif', places).round(6).tolist()}")
+        raise ft.InputError(f"{np.round(heights(tmp_path / 't.tif', *places), 6).tolist()}")
 
     said, grown = refused_apart(read)
 
@@ -255,30 +285,28 @@ def test_a_raster_of_another_format_opens_no_connection_and_no_file(tmp_path, ad
     (tmp_path / name).write_text(text.format(port=port))
 
     with pytest.raises(ft.InputError, match=rf"{name}: must be a raster \(GeoTIFF or \.hgt\)"):
-        maps.ground_at(tmp_path / name, np.array([[47.0, 8.0]]))
+        heights(tmp_path / name, (47.0, 8.0), (47.01, 8.0))
     assert not connected()
 
 
 def test_a_raster_that_names_another_file_is_refused(tmp_path, address):
-    rasterio = pytest.importorskip("rasterio")
     port, connected = address
     file = terrain(tmp_path / "t.tif", crs=rasterio.crs.CRS.from_proj4(GRID))
     with pytest.raises(ft.InputError, match=r"t\.tif: must have all its heights in the file"):
-        maps.ground_at(file, np.array([[47.4, 8.5]]))
+        heights(file, *HERE)
 
     file = terrain(tmp_path / "u.tif")
     with rasterio.open(file, "r+") as data:
         data.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=str(tmp_path / "gone.tif"))
     with pytest.raises(ft.InputError, match=r"u\.tif: must have all its heights in the file"):
-        maps.ground_at(file, np.array([[47.4, 8.5]]))
+        heights(file, *HERE)
     assert not connected()
     assert port
 
 
 def test_files_beside_a_raster_change_nothing(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
     file = terrain(tmp_path / "t.tif")
-    expected = maps.ground_at(file, np.array([[47.4, 8.5]]))
+    expected = heights(file, *HERE)
 
     (tmp_path / "t.tif.aux.xml").write_text(
         '<PAMDataset><GeoTransform>8.4,0.001,0,47.5,0,-0.001</GeoTransform><PAMRasterBand band="1">'
@@ -289,12 +317,11 @@ def test_files_beside_a_raster_change_nothing(tmp_path):
         mask.update_tags(INTERNAL_MASK_FLAGS_1="2")
     (tmp_path / "none.tif").rename(tmp_path / "t.tif.msk")
 
-    assert maps.ground_at(file, np.array([[47.4, 8.5]])) == expected
+    assert heights(file, *HERE) == expected
 
 
 def huge_block(path, mask=False):
     """A raster of one block of 400 MB, which a few bytes stand for, or with such a mask."""
-    rasterio = pytest.importorskip("rasterio")
     made = {"driver": "GTiff", "count": 1, "dtype": "uint8", "crs": "EPSG:4326", "tiled": True}
     made |= {"transform": rasterio.Affine(1e-5, 0.0, 8.0, 0.0, -1e-5, 47.3), "SPARSE_OK": True}
     side = 256 if mask else 20_000
@@ -325,7 +352,7 @@ def count_at(data, place):
 def test_a_block_that_unpacks_to_much_is_refused_unread(tmp_path, mask):
     file = huge_block(tmp_path / "t.tif", mask)
 
-    said, grown = refused_apart(lambda: maps.ground_at(file, np.array([[47.299, 8.001]])))
+    said, grown = refused_apart(lambda: heights(file, (47.299, 8.001), (47.2985, 8.0015)))
 
     assert re.search(r"t\.tif: must have blocks of at most 64000000 bytes, got 400000000", said)
     assert grown < 100_000_000
@@ -333,13 +360,12 @@ def test_a_block_that_unpacks_to_much_is_refused_unread(tmp_path, mask):
 
 @pytest.mark.parametrize("flat", [(0.0, 0.0), (1e-3, 0.0), (math.nan, 1.0), (math.inf, 1.0)])
 def test_a_raster_whose_posts_have_no_place_is_refused(tmp_path, flat):
-    rasterio = pytest.importorskip("rasterio")
     file = terrain(tmp_path / "t.tif")
     with rasterio.open(file, "r+") as data:
         data.transform = rasterio.Affine(flat[0], 0.0, 7.9, 0.0, flat[1], 47.1)
 
     with pytest.raises(ft.InputError, match=r"t\.tif: must .*(transform|height of the ground)"):
-        maps.ground_at(file, np.array([[47.4, 8.5]]))
+        heights(file, *HERE)
 
 
 def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
@@ -347,21 +373,23 @@ def test_a_tag_that_is_no_text_is_refused_in_one_line(tmp_path):
     file.write_bytes(file.read_bytes().replace(b"metre", b"me\xff\xfee"))
 
     with pytest.raises(ft.InputError, match=r"t\.tif: must be a raster .* got .*decode"):
-        maps.ground_at(file, np.array([[47.4, 8.5]]))
+        heights(file, *HERE)
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("to_the_right", [*slow(False), True])
-def test_a_corridor_is_lowest_over_the_ground_at_its_side_that_is_uphill(tmp_path, to_the_right):
-    """East or west on a plane that rises to the north: an edge of its lower side."""
-    legs = [waypoint(47.4, 8.5, 60), waypoint(47.4, 8.52, 60)]
-    file = plan_file(tmp_path / "m.plan", *(reversed(legs) if to_the_right else legs))
-    planned = ft.route(file)
-    left, right = (-20.0, 300.0) if to_the_right else (-300.0, 20.0)
-    window = np.array([[0.0, planned.where[0].length]])
-    corridor = maps.Corridor(window, np.array([[left, -5.0]]), np.array([[right, 15.0]]), "")
+def test_a_corridor_is_lowest_over_the_ground_at_its_lower_corner_uphill(band, band_file, tmp_path):
+    """On a plane that rises to the east; the leg goes north, and the corridor is below 1000 m."""
+    east = 8.49 + 1e-3 * (np.arange(60) + 0.5)
+    made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": "EPSG:4326"}
+    made["transform"] = rasterio.Affine(1e-3, 0.0, 8.49, 0.0, -1e-3, 47.43)
+    with rasterio.open(tmp_path / "t.tif", "w", height=50, width=60, **made) as file:
+        file.write(np.tile(700.0 + 20_000.0 * (east - 8.5), (50, 1)), 1)
 
-    found = maps.clearance(terrain(tmp_path / "t.tif"), planned.where, corridor)
+    found = answer("mission", band_file, "--plan", "--terrain", tmp_path / "t.tif")["terrain"]
 
-    uphill = SLOPE * 300.0 / (6371e3 * math.pi / 180.0)
-    assert found["over_ground_m"] == pytest.approx(60.0 - 15.0 - uphill, abs=0.2)
+    lowest, corridor = found["corridor"], band.corridor()
+    rise = 20_000.0 * 0.001 / Geodesic.WGS84.Inverse(47.4, 8.5, 47.4, 8.501)["s12"]
+    over = 300.0 - corridor.high[:, 1] - rise * corridor.high[:, 0]
+    along = np.searchsorted(corridor.windows[:, 1], np.append(np.arange(0.0, 150.0, 5.0), 150.0))
+    assert lowest["over_ground_m"] == pytest.approx(over[along.clip(max=149)].min(), abs=1e-3)
+    assert lowest["ground_m"] == pytest.approx(700.0 + 20_000.0 * (lowest["lon_deg"] - 8.5))
+    assert found["path"]["over_ground_m"] == pytest.approx(300.0, abs=1e-6)

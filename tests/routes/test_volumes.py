@@ -2,7 +2,6 @@
 
 import json
 
-import fastkml
 import numpy as np
 import pytest
 import shapely
@@ -54,18 +53,6 @@ def written(volumes, tmp_path):
     files[".geojson"].write_text(volumes.geojson())
     files[".kml"].write_text(volumes.kml("Survey of a field"))
     return files
-
-
-def test_fastkml_finds_a_valid_file_of_four_looks(written):
-    text = written[".kml"].read_text().partition("?>")[2]
-
-    (document,) = fastkml.KML.from_string(text, strict=True).features
-    assert fastkml.validator.validate(element=etree.fromstring(text.encode()))
-    names = [feature.name for feature in document.features]
-    assert names == [BUFFER, CONTINGENCY, GEOGRAPHY, "Survey of a field"]
-    looks = {feature.style_url.url for feature in document.features}
-    lines = {f"#{x.id}": x.styles[0].color for x in document.styles if f"#{x.id}" in looks}
-    assert len({*lines.values()}) == len(names)
 
 
 def test_kml_has_the_areas_of_geojson_at_heights_above_sea_level(written):

@@ -153,7 +153,7 @@ def draw(run, count, seed, rooms=()):
     """
     rng, lines = random.Random(seed), []
     for path in sorted(run):
-        if path == COMPILED or not path.startswith(tuple(rooms) or ""):
+        if path == COMPILED or not path.endswith(".py") or not path.startswith(tuple(rooms) or ""):
             continue
         source = (PACKAGE / path).read_text("utf-8")
         of_line = {}

@@ -1,6 +1,7 @@
 """A search of gains by what it returns: its candidates, its requirements and its best ones."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -91,9 +92,48 @@ def test_the_values_of_the_start_are_those_of_its_flight():
         )
     assert (found.start, found.start_met) == ("paper", False)
     assert found.start_gains.K.tolist() == ft.PAPER_GAINS.K.tolist()
-    for row in found.trade_offs:
-        sign = 1.0 if row["sense"] == "at most" else -1.0
-        assert row["beside"] is None or sign * row["beside"] >= sign * row["alone"]
+    assert [row["measure"] for row in found.trade_offs] == ["chi.ITAE", "gamma.ITAE"]
+    for i, row in enumerate(found.trade_offs):
+        seen = [trial.checks[0][i].value for trial in found.trials]
+        assert row["alone"] == np.nanmin(seen) <= row["value"]
+        assert row["beside"] is None  # none meets the other bound
+
+
+def test_what_is_worse_than_at_the_start_is_told_with_both_values():
+    """Lower measures of the loop by over 1 %, and larger mean errors of the last quarter."""
+    found = missed()
+    sets = [{"name": "own", **found.gains.as_lists()}, "paper"]
+    flown = ft.fly(turn(gains=sets))
+    R_K = [flown.indicators[name].R_K for name in ("own", "paper")]
+    errors = {
+        f"{channel}.end_error_rad": [
+            abs(flown.metrics_of(x)[channel]["MS_rad"]) for x in flown.runs
+        ]
+        for channel in ("chi", "gamma")
+    }
+    worse = {row["measure"]: [row["value"], row["start"]] for row in found.worse}
+
+    assert worse["loop.R_K"] == pytest.approx(R_K)
+    assert 0.99 * R_K[1] > R_K[0]
+    assert {x: y for x, y in worse.items() if "error" in x} == {
+        x: pytest.approx(y) for x, y in errors.items() if y[0] > 1.01 * y[1]
+    }
+    assert all(value < 0.99 * start for name, (value, start) in worse.items() if "loop" in name)
+    assert found.tuned_for == {"aircraft": [], "V_a_mps": [25.0]}
+
+
+def test_the_worst_draw_is_told_by_the_requirements_on_which_draws_differ():
+    trial = met().trials[0]
+
+    def of(*excess):
+        return replace(trial, excess=np.array(excess))
+
+    differing = of([-0.5, -0.3, 0.2], [-0.5, -0.1, 0.2], [-0.5, -0.2, 0.2])
+    assert differing.worst.tolist() == [0.2, 0.2, 0.2]
+    assert (differing.worst_draw, differing.met) == (1, False)
+    assert of([-0.5, 0.2], [-0.5, 0.2]).worst_draw == 0
+    assert of([-0.5, 0.0], [-0.1, -0.2]).met
+    assert not of([-0.5, 1e-9], [-0.1, -0.2]).met
 
 
 def test_a_start_is_the_nearest_of_the_gains_that_the_scenario_flies():

@@ -32,7 +32,7 @@ from flighttune.vehicles.plants.jsbsim.signals import left_envelope
 from flighttune.vehicles.plants.weather import WIND, Weather, WindNumbers
 
 if TYPE_CHECKING:
-    from flighttune.vehicles.compiled.face import CompiledStep
+    from flighttune.compiled.aircraft import CompiledStep
     from flighttune.vehicles.plants.jsbsim.fdm import Fdm
     from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 
@@ -96,30 +96,32 @@ class CompiledAircraft(WrappedPlant):
             self.refused = f"{UNKNOWN} several integration steps in a sample of the inner loop"
             self.start_in_jsbsim(condition)
             return None
-        from flighttune.vehicles.compiled import face
+        from flighttune.compiled.face import Refusal
+        from flighttune.compiled.properties import Unsupported
+        from flighttune.vehicles.plants.jsbsim import steps
 
         turbulence = weather.turbulence
-        step = face.compiled(
+        step = steps.compiled(
             plant.config,
             turbulence=None if turbulence is None else turbulence.model,
             gust=weather.gust is not None,
             files=files,
         )
-        if isinstance(step, face.Refusal):
+        if isinstance(step, Refusal):
             self.refused = step.reason
             self.start_in_jsbsim(condition)
             return None
-        fdm = face.evaluated(plant.config, ground=plant.ground, files=files)
+        fdm = steps.evaluated(plant.config, ground=plant.ground, files=files)
         if fdm is not None:
             # JSBSim says what is wrong with a start that fails.
-            with suppress(FlightTuneError, NotCompiled, face.Unsupported):
+            with suppress(FlightTuneError, NotCompiled, Unsupported):
                 plant.start(condition, fdm)
                 return KeptStart(step, motion_of(plant, step, weather), plant.observe())
         self.start_in_jsbsim(condition)
         first = plant.observe()
         try:
             return KeptStart(step, motion_of(plant, step, weather), first)
-        except (NotCompiled, face.Unsupported) as what:
+        except (NotCompiled, Unsupported) as what:
             self.refused = f"{UNKNOWN} {what}"
             self.start_in_jsbsim(condition)
             return None
@@ -134,9 +136,9 @@ class CompiledAircraft(WrappedPlant):
     @property
     def sloped(self) -> tuple[Any, Any]:
         """Functions of the compiled step with slopes; they need this aircraft to stay alive."""
-        from flighttune.vehicles.compiled import face
+        from flighttune.compiled.face import sloped
 
-        self._with_slopes = face.sloped(self._step)
+        self._with_slopes = sloped(self._step)
         return self._with_slopes.functions
 
     def start_in_jsbsim(self, condition: FlightCondition) -> None:
@@ -272,6 +274,8 @@ class NotCompiled(Exception):
 
 def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Motion:
     """The motion of a plant after its start, for its compiled step."""
+    from flighttune.vehicles.plants.jsbsim.steps import start_of
+
     fdm, config, names = plant.fdm, plant.config, step.names
     assert fdm is not None  # it was started
     places = {name: -1 - i for i, name in enumerate(names.states)}
@@ -294,7 +298,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
     shown[guarded + HEIGHT], shown[guarded + N_Z_SEEN] = h_ft, plant.n_z_followed()
     unchecked = plant.guarded_steps / plant.rate  # longest time between two checks, s
     e, wind = config.envelope, weather.deterministic(0.0, h_ft * FT + fdm.ground)
-    start = step.start_from(plant)
+    start = start_of(step, plant)
     turbulent = weather.turbulence is not None
     windy = weather.changes
     moving = weather.numbers if windy else WindNumbers(())

@@ -9,7 +9,7 @@ import numpy as np
 
 from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
-from flighttune.base.arrays import same_bits
+from flighttune.base.bits import same_bits
 from flighttune.base.errors import RecordingError
 from flighttune.control.gains import PIGains
 from flighttune.flight.apart import Progress

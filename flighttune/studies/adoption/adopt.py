@@ -275,9 +275,9 @@ def adopt(
         _set_controls(tables, throttle, commands or {}, rudder)
         adoption = _adopted(tables, begun, built, h, choices)
         if adoption.identified is not None:
-            from flighttune.vehicles.compiled import face
+            from flighttune.vehicles.plants.jsbsim import steps
 
-            adoption = replace(adoption, not_compiled=face.not_compiled(load_aircraft(built)))
+            adoption = replace(adoption, not_compiled=steps.not_compiled(load_aircraft(built)))
     texts = dict(adoption.texts)
     if AIRCRAFT in texts:
         texts[AIRCRAFT] = _with_model(texts[AIRCRAFT], model)

@@ -16,8 +16,8 @@ import numpy as np
 from flighttune.base.errors import InputError, PlantError
 from flighttune.base.files.budget import INCLUDED
 from flighttune.base.files.table import shown
+from flighttune.base.files.xml import read_xml
 from flighttune.vehicles.aircraft.aircraft import absolute_name
-from flighttune.vehicles.aircraft.model_xml import read_xml
 
 SET = "-set.xml"  # ending of FlightGear's description of an aircraft
 AERO = "/sim/aero"  # property with the name of the main file

@@ -18,6 +18,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
+from flighttune.base.files.xml import found_file, read_xml
 from flighttune.base.units import DEG, FT, G_0
 from flighttune.base.words import listed
 from flighttune.studies.adoption import reads
@@ -29,7 +30,7 @@ from flighttune.vehicles.aircraft.aircraft import (
     aircraft_from,
     property_name,
 )
-from flighttune.vehicles.aircraft.model_xml import found_file, in_inches, read_xml
+from flighttune.vehicles.aircraft.model_xml import in_inches
 from flighttune.vehicles.plants.jsbsim import model_files, properties
 from flighttune.vehicles.plants.jsbsim.bench import (
     EFFECTS,
@@ -529,7 +530,8 @@ class _Model:
     @property
     def zeros(self) -> list[str]:
         """Properties of another simulator that are 0 by default and not by a given value."""
-        known = (*self.tables["linked"], *self.taken, *self.values)
+        lever = self.tables["engines"].get("command")
+        known = (lever, *self.tables["linked"], *self.taken, *self.values)
         declared = self.tables["declared"].items()
         zeros = (name for name, value in declared if not value and name not in known)
         return [name for name in zeros if not name.startswith("ft/")]

@@ -16,10 +16,9 @@ from xml.etree.ElementTree import Element, SubElement, fromstring
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError, PlantError
-from flighttune.base.files.budget import XML, file_bytes
+from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import nearest_name
-from flighttune.base.files.xml import node
+from flighttune.base.files.xml import found_file, node, read_xml
 from flighttune.base.units import FT, SLUG
 from flighttune.vehicles.aircraft.aircraft import (
     AXES,
@@ -124,29 +123,6 @@ _PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
-def read_xml(file: Path, subject: str) -> ElementTree.Element:
-    """Return the root element of `file`; `subject` begins the message of a PlantError."""
-    about = subject if subject == str(file) else f"{subject}: {file}"
-    try:
-        data = file_bytes(file, XML, PlantError)
-    except PlantError as error:
-        raise PlantError(f"{about}: {str(error).removeprefix(f'{file}: ')}") from error
-    if data.count(b"<") > XML.entries:
-        raise PlantError(f"{about} must have at most {XML.entries} elements, got more.")
-    try:
-        root = ElementTree.fromstring(data)  # which refuses entities that grow
-    except (ElementTree.ParseError, LookupError) as error:  # an encoding that is not known
-        raise PlantError(f"{about}: must be XML: {error}.") from error
-    level = [root]
-    for _ in range(XML.depth):
-        level = [part for element in level for part in element]
-    if level:
-        raise PlantError(f"{about} has too many elements inside each other.")
-    if "{{" in ElementTree.tostring(root, encoding="unicode"):
-        raise PlantError(f"{about} must not hold two braces: they stand for our numbers.")
-    return root
-
-
 def placeholder(name: str, base: float = 1.0) -> str:
     """Placeholder for the value of `name` times `base`, the number in the aircraft's file."""
     return f"{{{{{name}*{base!r}}}}}"
@@ -169,7 +145,16 @@ def strip_text(root: ElementTree.Element) -> None:
 
 def filled(template: str, values: Mapping[str, float]) -> str:
     """Text with `values` in its placeholders, exact to the last bit."""
-    return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)
+    return _PLACEHOLDER.sub(lambda match: repr(_number(match, values)), template)
+
+
+def numbers_in(template: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The number of each placeholder of a text, by the placeholder."""
+    return {match[0]: _number(match, values) for match in _PLACEHOLDER.finditer(template)}
+
+
+def _number(match: re.Match[str], values: Mapping[str, float]) -> float:
+    return values[match[1]] * float(match[2])
 
 
 # Names of the actuators of the surfaces.
@@ -352,23 +337,6 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
     read = read_xml(found_file(name, folders, folders[0]), f"{folders[0]}")
     holder.insert(0, read)
     return read
-
-
-def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
-    """The file that JSBSim finds under a name; in the first folder if there is none."""
-    file = name if name.endswith(".xml") else f"{name}.xml"
-    # `Path.exists` raises an error for a name that is too long.
-    files = (folder / file for folder in folders if os.path.exists(folder / file))
-    path = next(files, folders[0] / file)
-    if os.path.exists(path) and not os.path.isfile(path):  # JSBSim would wait for a pipe
-        raise PlantError(f"{named_in}: `file` must name a file, got {path}.")
-    # A foreign file must not refer outside its folder, by path or symlink.
-    for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
-        if not any(place.is_relative_to(folder) for folder in folders):
-            raise PlantError(
-                f'{named_in}: `file` must stay in the folder of the model, got "{name}".'
-            )
-    return path
 
 
 def _multiply_function(function: Element, factor: str) -> None:

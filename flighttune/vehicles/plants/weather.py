@@ -14,6 +14,7 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray, set_read_only
 from flighttune.base.errors import InputError
+from flighttune.base.gusts import BodyAxis, GustNumbers
 from flighttune.base.units import FT
 from flighttune.control.controller import FlightCondition
 
@@ -173,23 +174,6 @@ class WindProfile:
     def at(self, h: float) -> NED:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
         return Weather(wind=self).deterministic(0.0, h)
-
-
-BodyAxis: TypeAlias = Literal["ahead", "right", "down"]
-
-
-class GustNumbers(NamedTuple):
-    """A gust as the step of an aircraft takes it, in JSBSim and compiled."""
-
-    first: float  # step in which it begins
-    rise: float  # s
-    hold: float  # s
-    fall: float  # s
-    size: float  # ft/s
-    # Direction in the body when it begins
-    ahead: float
-    right: float
-    down: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,15 +35,15 @@ FILES = {
     "KML of shapes": (
         "x.kml",
         read_route,
-        lambda: f"<kml>{'<LineString><coordinates/></LineString>' * 30_000}</kml>",
+        lambda: f"<kml>{'<LineString><coordinates/></LineString>' * 12_000}</kml>",
     ),
     "a key twice": ("x.geojson", read_route, lambda: f'{{{keys(100_000)},"k99999":0}}'),
     "many collections": (
         "x.geojson",
         read_route,
         lambda: (
-            shape("GeometryCollection", f'"geometries":[{",".join([POINT] * 30_000)}]')[:-1]
-            + f",{keys(30_000)}}}"
+            shape("GeometryCollection", f'"geometries":[{",".join([POINT] * 15_000)}]')[:-1]
+            + f",{keys(15_000)}}}"
         ),
     ),
     "collections inside each other": (
@@ -57,12 +57,12 @@ FILES = {
     "a ring of corners": (
         "x.geojson",
         read_fence,
-        lambda: shape("Polygon", f'"coordinates":[[{",".join(["[8,47],[9,47]"] * 50_000)}]]'),
+        lambda: shape("Polygon", f'"coordinates":[[{",".join(["[8,47],[9,47]"] * 20_000)}]]'),
     ),
     "many rings": (
         "x.geojson",
         read_fence,
-        lambda: shape("Polygon", f'"coordinates":[{",".join([RING] * 20_000)}]'),
+        lambda: shape("Polygon", f'"coordinates":[{",".join([RING] * 10_000)}]'),
     ),
     "circles of a fence": (
         "x.plan",
@@ -74,7 +74,7 @@ FILES = {
         read_route,
         lambda: (
             '{"mission":{"plannedHomePosition":[47,8,1],"items":'
-            f"[{','.join([ITEM] * 30_000)}]}}}}"
+            f"[{','.join([ITEM] * 12_000)}]}}}}"
         ),
     ),
     "lines of items": ("x.waypoints", read_route, lambda: "QGC WPL 110\n" + "1 0\n" * 300_000),
@@ -87,18 +87,18 @@ FILES = {
     "wrong keys": (
         "x.toml",
         ft.load_scenario,
-        lambda: "\n".join(f"k{i} = 1" for i in range(45_000)),
+        lambda: "\n".join(f"k{i} = 1" for i in range(20_000)),
     ),
-    "wrong values": ("x.toml", ft.load_scenario, lambda: f"gains = [{'1,' * 45_000}]"),
-    "wrong tables": ("x.toml", ft.load_scenario, lambda: "[[expect]]\nplant = 1\n" * 20_000),
+    "wrong values": ("x.toml", ft.load_scenario, lambda: f"gains = [{'1,' * 20_000}]"),
+    "wrong tables": ("x.toml", ft.load_scenario, lambda: "[[expect]]\nplant = 1\n" * 8_000),
     "too many values": ("x.toml", ft.load_scenario, lambda: f"gains = [{'1,' * 400_000}]"),
     "wrong keys of a campaign": (
         "x.toml",
         ft.load_campaign,
-        lambda: "\n".join(f"k{i} = 1" for i in range(45_000)),
+        lambda: "\n".join(f"k{i} = 1" for i in range(20_000)),
     ),
 }
-LARGE = {"parameters", "too many values"}  # which take seconds of the processor
+LARGE = {"parameters", "too many values", "a ring of corners", "items of a plan"}
 OPENS = '"type":"GeometryCollection","geometries":['
 
 
@@ -116,6 +116,6 @@ def test_a_large_file_of_mistakes_is_refused_in_a_time_like_its_size(tmp_path, n
 def test_values_that_are_all_wrong_are_counted_and_not_listed():
     """A list of what each lacks would take 3 kB a value."""
     with pytest.raises(ft.InputError) as refusal:
-        ft.scenario_from({"title": "x", "gains": [1] * 20_000})
+        ft.scenario_from({"title": "x", "gains": [1] * 5_000})
 
-    assert str(refusal.value).endswith("it must be a Scenario, got 40002 wrong values.")
+    assert str(refusal.value).endswith("it must be a Scenario, got 10002 wrong values.")

@@ -10,6 +10,7 @@ import pytest
 from commands import answer
 from enclosed import LAGS, flown, manoeuvre
 from enclosed import changed as other
+from flown_campaigns import flown_here
 from forging import Opened, changed, sealed
 from small_claims import proven, residual, saved
 
@@ -358,6 +359,8 @@ def test_the_aircraft_flies_in_the_tube_of_its_boxes_which_is_proven_again(
 
 @pytest.mark.slow
 def test_boxes_other_than_those_counted_are_refused(aircraft, boxes, tmp_path):
+    stated = aircraft.probability
+    assert (stated.of, stated.at_most, stated.confidence) == ("residual_rates", 0.3, 0.9)
     file = saved(aircraft, "aircraft.npz")
     kept = Opened.of(file).arrays["boxes"]
     other_boxes = changed(file, tmp_path / "b.npz", boxes=0.5 * kept)
@@ -398,8 +401,9 @@ def test_what_the_boxes_say_nothing_about_is_refused(boxes, tables, options, wor
 
 @pytest.mark.soak
 def test_boxes_are_counted_for_an_aircraft_that_is_asked_for_and_bound_flights_from_all_starts():
-    found = ft.tube(manoeuvre(AEROSONDE, chi_deg=4.0, gamma_deg=0.0, ramp_dps=1.0), "paper",
-                    plant="jsbsim:aerosonde", start=np.radians(1.0))  # fmt: skip
+    with flown_here():
+        found = ft.tube(manoeuvre(AEROSONDE, chi_deg=4.0, gamma_deg=0.0, ramp_dps=1.0), "paper",
+                        plant="jsbsim:aerosonde", start=np.radians(1.0))  # fmt: skip
 
     assert (found.status, found.probability.of) == ("bounded", "flight")
     assert (found.flown.flights, found.flown.drawn) == (13, 8)

@@ -8,6 +8,7 @@ import pytest
 from forging import Opened
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from made_up import made_up_scenario
 from made_up_tubes import tube
 from places import SHIPPED_AIRCRAFT
 from printed import A_K, L_D, MODEL, E
@@ -86,6 +87,25 @@ def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope, tmp_path)
 
 
 @pytest.mark.slow
+def test_the_polytope_of_an_envelope_has_the_ends_worked_out_by_hand(over_envelope):
+    """The sine grows, the cosine is largest at zero roll, the lift at ends of both its factors."""
+    hull, claim, roll = over_envelope.certificate.hull, over_envelope.certificate.claim, np.pi / 9.0
+
+    assert hull.factor == pytest.approx((G / 28.0, G / 22.0), rel=1e-12)
+    lower = [-np.sin(np.pi / 12.0), 1.0, -1.3 * np.sin(roll), np.cos(roll)]
+    upper = [np.sin(np.pi / 4.0), np.cos(roll) ** -2, 1.3 * np.sin(roll), 1.0]
+    assert hull.lower == pytest.approx(lower, rel=1e-12)
+    assert hull.upper == pytest.approx(upper, rel=1e-12)
+    assert (hull.lower < lower).all()  # rounded outward
+    assert (hull.upper > upper).all()
+    for ends in ("22..28", "-15..45", "-20..20", "0.8..1.3"):
+        assert ends in claim.place
+    aside = over(RANGES | {"phi_deg": [0, 20], "n_z": [0.9, 1.3]}).certificate.hull
+    assert (aside.lower[2], aside.upper[2]) == pytest.approx((0.0, 1.3 * np.sin(roll)), abs=1e-12)
+    assert (aside.lower[1], aside.upper[3]) == pytest.approx((1.0, 1.0), rel=1e-12)
+
+
+@pytest.mark.slow
 def test_one_common_q_holds_at_conditions_drawn_from_the_envelope(over_envelope):
     certificate = over_envelope.certificate
     Q, W, a = certificate.Q, certificate.W, certificate.multiplier
@@ -120,13 +140,10 @@ CHANGES = [
     (("claim", "envelope", "gamma"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
     (("claim", "envelope", "gamma"), lambda gamma: [-0.3, gamma[1]], "a of the envelope"),
     (("claim", "envelope", "phi"), lambda phi: [-0.36, phi[1]], "b1 of the envelope"),
-    (("claim", "envelope", "phi"), lambda phi: [phi[0], 0.36], "b2 of the envelope"),
     (("claim", "envelope", "phi"), lambda phi: [phi[0], 0.36], "b3 of the envelope"),
     (("claim", "envelope", "n_z"), lambda n_z: [n_z[0], 1.31], "b2 of the envelope"),
     (("claim", "g"), lambda g: 9.82, "g/V of the envelope"),
     (("claim", "g"), lambda g: 9.80, "g/V of the envelope"),
-    (("Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
-    (("W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
     (("multiplier",), lambda a: 1.1 * a, "A W + W A' + a W"),
     (("multiplier",), lambda a: 0.9 * a, "A W + W A' + a W"),
     (("gains", "K_I", 0), lambda row: [1.1 * row[0], row[1]], "at vertex"),
@@ -160,7 +177,7 @@ def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
 
 
 @pytest.mark.soak
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     key=st.sampled_from(["Q", "W"]),
     row=st.integers(0, 3),
@@ -209,6 +226,35 @@ def test_what_cannot_be_proven_is_refused_with_a_reason(made, why):
     assert (refused.status, refused.certificate) == ("refused", None)
     assert why in refused.reason
     assert refused.values["rate"] is None
+
+
+@pytest.mark.slow
+def test_of_an_envelope_that_is_too_wide_the_largest_provable_part_is_told():
+    factor = over(WIDE, ft.PAPER_GAINS).largest_factor
+    trim = dict(zip(WIDE, (25.0, 15.0, 0.0, np.cos(GAMMA)), strict=True))
+
+    def part(share):
+        ranges = {key: [trim[key] + share * (x - trim[key]) for x in WIDE[key]] for key in WIDE}
+        return over(ranges, ft.PAPER_GAINS).status
+
+    assert 0.0 < factor < 1.0
+    assert [part(factor), part(1.01 * factor)] == ["certified", "refused"]
+
+
+def test_the_disturbance_of_a_scenario_counts_by_the_largest_norm_of_its_derivative():
+    """Of channels a quarter period apart the larger one, of two frequencies by Pythagoras."""
+    swing = {"chi_amplitude": 0.02, "gamma_amplitude": 0.03}
+    rows = [
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.5}, 0.015),
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.4}, np.hypot(0.01, 0.012)),
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.5, "chi_phase_deg": 90.0},
+         np.hypot(0.01, 0.015)),
+        ({"chi_omega_rad_s": 0.5, "gamma_omega_rad_s": 0.4, "wave": "square"}, None),
+    ]  # fmt: skip
+    for table, L_d in rows:
+        made = made_up_scenario(disturbance=swing | table)
+        claim = ft.certify(made, "paper").certificate.claim
+        assert claim.L_d == (L_d and pytest.approx(L_d))
 
 
 @pytest.mark.parametrize(
@@ -290,14 +336,13 @@ def test_the_quadratic_form_decays_at_the_certified_rate_inside_the_envelope(
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("sense", [-1.0, 1.0])
 def test_a_disturbance_of_the_papers_rate_leaves_the_loop_inside_the_certified_radius(
-    over_envelope, sense
+    over_envelope,
 ):
     """Half the amplitude at twice the frequency: the paper's own takes n_z out of this envelope."""
 
     def d(t):
-        return 0.05 * np.sin(0.3 * t), sense * 0.05 * np.cos(0.3 * t)
+        return 0.05 * np.sin(0.3 * t), 0.05 * np.cos(0.3 * t)
 
     t, s, u = flight(22.0, np.zeros(2), d, 100.0)
 

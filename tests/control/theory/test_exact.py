@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
@@ -56,7 +56,7 @@ def test_the_hilbert_matrix_of_order_12_is_definite_up_to_the_last_bit_of_its_la
     assert not positive_definite(hilbert)
 
 
-@pytest.mark.soak
+@settings(max_examples=15)
 @given(angles)
 def test_sine_and_cosine_lie_in_narrow_intervals_whose_squares_add_up_to_one(angle):
     both = sine(angle), cosine(angle)
@@ -80,11 +80,6 @@ def test_the_sine_of_thirty_degrees_is_a_half():
 def test_angles_beyond_a_right_angle_are_refused(function):
     with pytest.raises(ft.InputError, match=r"`angle` must lie inside \+-pi/2"):
         function(1.6)
-
-
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_a_float_is_the_rational_it_says(value):
-    assert exact([value])[0] == Fraction(value)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -116,21 +111,6 @@ def test_the_lyapunov_solution_is_inflated_until_its_rate_is_proven():
 
 def test_a_Q_of_an_unstable_loop_cannot_be_inflated_into_a_proof():
     assert theory.provable_rate([exact([[0.1]])], np.array([[1.0]])) is None
-
-
-@pytest.mark.parametrize("name", ["radius", "multiplier"])
-def test_a_radius_and_a_multiplier_must_be_positive(name):
-    load = (E @ E.T + 1e-6 * np.eye(2)) * 0.2**2
-    W = solve_continuous_lyapunov(A + 0.5 * np.eye(2), -load)
-    W = (W + W.T) / 2.0
-    radius = float(np.sqrt(np.linalg.eigvalsh(W)[-1])) * (1.0 + 1e-9)
-    stated = {"multiplier": 1.0, "radius": radius, "L_d": 0.2}
-
-    def verdict(**changed):
-        return Verification.of(theory.radius_checks(VERTICES, E, W, **stated | changed))
-
-    assert verdict().valid
-    assert verdict(**{name: -stated[name]}).reason.startswith(f"{name} > 0 does not hold: margin ")
 
 
 def test_an_exact_number_beyond_all_floats_is_infinite_on_its_side():

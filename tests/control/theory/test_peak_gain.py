@@ -25,33 +25,11 @@ def enclosed(A, b, c):
     return peak_gains(exact(A), exact(np.array(b)), exact(np.array(c)), Q, rate=rate)
 
 
-def second_order(K_P, K_I):
-    """(K_P s + K_I) / (s^2 + K_P s + K_I): from an estimate's error to the true one, law alone."""
-    return enclosed([[-K_P, K_I], [-1.0, 0.0]], [[K_P], [1.0]], [[1.0, 0.0]])
-
-
 def test_a_first_order_lag_never_exceeds_its_input():
     gains = enclosed([[-2.5]], [[2.5]], [[1.0]])
 
     assert gains.lower == pytest.approx(1.0, rel=CLOSED_FORM)
     assert gains.lower <= 1.0 <= gains.upper
-
-
-@pytest.mark.parametrize(("K_P", "K_I"), [(2.5, 1.0), (1.0, 0.2), (4.0, 3.9)])
-def test_two_real_poles_by_their_residues(K_P, K_I):
-    """h = r1 exp(p1 t) + r2 exp(p2 t) has one zero, at which its integral is split."""
-    p1, p2 = np.sort(np.roots([1.0, K_P, K_I]))
-    r1, r2 = (K_P * p1 + K_I) / (p1 - p2), (K_P * p2 + K_I) / (p2 - p1)
-    zero = math.log(-r2 / r1) / (p1 - p2)
-    until = r1 / p1 * (math.exp(p1 * zero) - 1.0) + r2 / p2 * (math.exp(p2 * zero) - 1.0)
-    # The whole integral is 1, the gain of a constant error.
-    expected = abs(until) + abs(1.0 - until)
-
-    gains = second_order(K_P, K_I)
-
-    assert gains.lower <= expected * (1.0 + 1e-12)
-    assert gains.upper >= expected * (1.0 - 1e-12)
-    assert gains.upper == pytest.approx(gains.lower, rel=CLOSED_FORM)
 
 
 def test_a_poorly_damped_loop_by_the_series_of_its_half_periods():
@@ -66,7 +44,7 @@ def test_a_poorly_damped_loop_by_the_series_of_its_half_periods():
 
 
 @pytest.mark.soak
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 6))
 def test_the_enclosure_agrees_with_a_quadrature(seed, n):
     rng = np.random.default_rng(seed)
@@ -86,7 +64,7 @@ def test_the_enclosure_agrees_with_a_quadrature(seed, n):
     assert upper == pytest.approx(lower, rel=CLOSED_FORM, abs=CLOSED_FORM * total.max())
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_loop_whose_slowest_mode_outlasts_its_fastest_ones_steps_is_refused():
     with pytest.raises(ft.InputError, match=r"must decay within \d+ steps"):
         enclosed([[-1e-6, 0.0], [0.0, -1e4]], [[1.0], [1.0]], [[1.0, 1.0]])

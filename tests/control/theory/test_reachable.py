@@ -7,20 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from printed import A_K, L_D, MODEL, TABLE_2, E, lagged
-from scipy.integrate import solve_ivp
+from printed import A_K, L_D, MODEL, E
 from scipy.linalg import expm
-from worst_reach import ReachableSet, largest_reach, worst_disturbance
+from worst_reach import ReachableSet, largest_reach
 
 import flighttune as ft
-from flighttune.control.linear_model import closed_loops
 from flighttune.control.theory import lyapunov
 from flighttune.control.theory.reachable import error_slopes, largest_errors, largest_outputs
 
-REACHED = 0.01
 QUADRATURE = 1e-6
 EXACT = 1e-9
-SHIFT = np.hstack([np.eye(2), np.eye(2)])
 SLOPES = 1e-5
 
 FLIGHTS = {
@@ -46,18 +42,6 @@ def bounds(name):
     )
 
 
-def flown(A, v, duration):
-    """States of a loop from rest under a disturbance v(t), shape (4, samples)."""
-    return solve_ivp(
-        lambda t, s: A @ s + E @ v(t), (0.0, duration), np.zeros(4), rtol=1e-6, atol=1e-9
-    ).y
-
-
-@pytest.fixture(scope="module")
-def reachable():
-    return ReachableSet.of(A_K, E, L_d=L_D)
-
-
 @pytest.mark.slow
 def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above():
     (exact, _), ellipsoid, _, ball = bounds("paper")
@@ -66,33 +50,6 @@ def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above()
     assert ellipsoid.radius == pytest.approx(0.0333, abs=5e-5)
     assert exact < ellipsoid.radius < 1.05 * exact
     assert ball / exact == pytest.approx(7.6, abs=0.05)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("name", FLIGHTS)
-def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
-    A = FLIGHTS[name]
-    reachable = ReachableSet.of(A, E, L_d=L_D)
-    (exact, direction), ellipsoid, _, _ = bounds(name)
-    duration = 12.0 / -np.linalg.eigvals(A).real.max()
-
-    flight = flown(A, worst_disturbance(reachable, direction, duration), duration)
-
-    reached = np.linalg.norm(flight, axis=0).max()
-    assert (1.0 - REACHED) * exact < reached < (1.0 + QUADRATURE) * exact
-    assert reached < ellipsoid.radius
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("channel", range(4))
-def test_the_worst_disturbance_of_a_channel_reaches_its_largest_value(reachable, channel):
-    c, duration = np.eye(4)[channel], 40.0
-
-    flight = flown(A_K, worst_disturbance(reachable, c, duration), duration)
-
-    bound = L_D * largest_outputs(A_K[None], E, np.eye(4))[0, channel]
-    assert flight[channel, -1] == pytest.approx(bound, rel=REACHED)
-    assert flight[channel, -1] < bound * (1.0 + QUADRATURE)
 
 
 def test_the_papers_ball_has_three_readings():
@@ -146,7 +103,7 @@ def test_the_balls_of_the_paper_have_a_disturbance(L_d):
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=15)
 @given(
     name=st.sampled_from(sorted(FLIGHTS)),
     seed=st.integers(0, 2**32),
@@ -173,18 +130,6 @@ def test_no_bound_is_broken_by_disturbances_within_l_d(name, seed, hold, steady)
     assert forms.max() <= 1.0
     assert (np.abs(states).max(axis=0) <= channels).all()
     assert farthest <= ball
-
-
-K = {
-    "K*": ft.PAPER_GAINS.K,
-    **{name: ft.PAPER_GAINS.K - row[0] * SHIFT for name, row in TABLE_2.items()},
-}
-E_K = {
-    "K1": 0.3931, "K2": 0.6557, "K3": 0.9594, "K*": 1.6714, "K4": 2.5392, "K5": 3.6170, "K6": 4.9985
-}  # fmt: skip
-"""Gauss quadrature of the impulse response by another program."""
-
-FOUR_DIGITS = 5e-5
 
 
 def oscillator_error(p, q):
@@ -246,18 +191,6 @@ def test_a_loop_without_a_figure_is_a_result():
         [True] * 2,
     ]
     assert largest_outputs(-np.eye(2)[None], np.eye(2)[:, :1], np.eye(2)[1:]) == 0.0
-
-
-def test_lags_behind_a_model_have_no_disturbance_of_their_own():
-    """With a lag of 1e-5 s the figure is that of the loop without it, whatever the lag's unit."""
-    loop = closed_loops(lagged(1e5, 1e5), ft.PAPER_GAINS.K)
-
-    measured = ft.loop.indicators(loop, errors=2)
-
-    assert measured.E_K == pytest.approx(ft.loop.indicators(A_K).E_K, rel=1e-3)
-    assert math.isnan(ft.loop.indicators(loop).E_K)
-    with pytest.raises(ft.InputError, match="`A_K`"):
-        ft.loop.indicators(loop, errors=8)
 
 
 def test_a_loop_has_its_bits_in_any_stack():

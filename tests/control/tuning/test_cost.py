@@ -50,10 +50,7 @@ def test_the_cost_is_the_integral_over_the_transient(problem, lag):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    ("I_star", "R_min", "J"),
-    [(5.0, 0.0, 1.96), (5.0, 0.53, 1.96), (FREE, 0.3, 1.25), (FREE, 0.53, 1.38)],
-)
+@pytest.mark.parametrize(("I_star", "R_min", "J"), [(5.0, 0.0, 1.96), (FREE, 0.53, 1.38)])
 def test_the_least_cost_is_that_of_another_program(problem, I_star, R_min, J):
     found = ft.tune(replace(problem, I_star=I_star, R_min=R_min), starts=2)
 

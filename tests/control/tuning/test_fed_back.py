@@ -25,11 +25,11 @@ def tuned(objective, sensitivity_max=1.4, *, feedback=True):
     return ft.tune(scenario(**keys), starts=3)
 
 
-def lags():
+def lags(omega=OMEGA):
     """The identified lags with half a sample, as the delay of a first-order Pade section."""
     found = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
     for lag in found:
-        h, s = lag.delay + 0.01, 1j * OMEGA
+        h, s = lag.delay + 0.01, 1j * omega
         w, z = lag.natural_frequency, lag.damping
         pade = (1.0 - s * h / 2.0) / (1.0 + s * h / 2.0)
         yield pade * w * w / (s * s + 2.0 * z * w * s + w * w) / (1.0 + s * lag.lag)
@@ -56,11 +56,24 @@ def test_the_largest_sensitivity_at_the_commands_is_at_most_the_bound_and_named(
 
 
 @pytest.mark.slow
-def test_the_feedback_makes_errors_smaller_and_the_decay_faster():
+def test_errors_in_gusts_are_those_of_the_spectrum_of_dryden():
+    """``e = -d / (1 + L)`` but for what the feedback of d' adds, of ``(1 + 3 x) / (1 + x)^2``."""
+    result, omega = tuned("rms"), np.geomspace(1e-5, 1e4, 100_000)
+    for i, lag in enumerate(lags(omega)):
+        s, K_P, K_I = 1j * omega, result.gains.K_P[i, i], result.gains.K_I[i, i]
+        k, x = result.gains.feedback[i], (omega / result.problem.gusts[i]) ** 2
+        a = (1.0 + k) * (K_P + K_I / s)
+        error = lag / s * (a + k * s) / (1.0 + a * lag / s + k * lag) - 1.0
+        density = (1.0 + 3.0 * x) / (1.0 + x) ** 2
+        share = np.trapezoid(np.abs(error) ** 2 * density, omega) / np.trapezoid(density, omega)
+        assert result.errors_in_gusts[i] == pytest.approx(np.sqrt(share), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_feedback_makes_errors_smaller():
     with_it, without = tuned("rms"), tuned("rms", feedback=False)
     assert max(with_it.errors_in_gusts) < 0.92 * max(without.errors_in_gusts)
     assert without.gains.feedback == (0.0, 0.0)
-    assert tuned("decay").spectral_abscissa < 1.3 * tuned("decay", feedback=False).spectral_abscissa
 
 
 @pytest.mark.slow
@@ -76,9 +89,8 @@ def test_gains_in_turbulence_decay_at_half_the_rate_of_the_largest_R_K():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("objective", "feedback"), [("rms", True), *slow(("E_K", False))])
-def test_no_bound_leaves_less_phase_than_meet_requires(objective, feedback):
-    result = tuned(objective, 2.5, feedback=feedback)
+def test_no_bound_leaves_less_phase_than_meet_requires():
+    result = tuned("rms", 2.5)
     margins = result.answer().tables[2].records[:2]
 
     assert min(row["phase_margin_deg"] for row in margins) >= 35.0
@@ -98,7 +110,8 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("rate", "most"), [pytest.param(0.5, 1.4, marks=pytest.mark.soak), (0.85, 1.45), (2.0, 1.5)]
+    ("rate", "most"),
+    [(0.85, 1.45), *(pytest.param(*x, marks=pytest.mark.counts) for x in ((0.5, 1.4), (2.0, 1.5)))],
 )
 def test_a_slow_load_factor_gets_gains_of_a_smaller_sensitivity(rate, most):
     """The aircraft's own rate is 1 per second: [limits] make it slower, not faster."""

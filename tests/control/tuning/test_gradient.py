@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fuzzing import slow
 from printed import lagged
 
 import flighttune as ft
@@ -17,9 +16,8 @@ FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0, seed=seed))
+def test_the_optimum_for_an_i_star_of_5_is_found_from_every_start(model):
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.53976, abs=FIFTH_DIGIT)
@@ -40,7 +38,7 @@ def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
 
 @pytest.mark.soak
 def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.8))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.8), starts=1)
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
@@ -51,9 +49,8 @@ def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
     )
 
 
-@pytest.mark.parametrize("seed", [0, *slow(1)])
-def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed, seed):
-    found = ft.tune(replace(printed, seed=seed))
+def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed):
+    found = ft.tune(printed)
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(67.15, abs=5e-3)
@@ -64,14 +61,13 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("factor", "R_K"), [(7.0, 0.526), (8.0, 0.540)])
-def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
-    wider = relaxed(printed, factor)
+def test_relaxed_limits_cost_what_they_are_known_to(printed):
+    wider = relaxed(printed, 7.0)
 
     found = ft.tune(wider)
 
     assert found.status == "optimal"
-    assert found.R_K == pytest.approx(R_K, abs=5e-4)
+    assert found.R_K == pytest.approx(0.526, abs=5e-4)
     assert found.I_K <= 5.0
     assert wider.slack(found.gains.K.ravel()).min() >= 0.0
 
@@ -86,15 +82,6 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not():
     assert worst_damping(ft.loop.closed_loop(lagged(), ft.PAPER_GAINS)) == pytest.approx(
         0.12, abs=5e-3
     )
-
-
-@pytest.mark.soak
-def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed():
-    coupled = ft.tune(ft.loop.TuningProblem(model=lagged(), seed=1))
-    own = ft.tune(ft.loop.TuningProblem(model=lagged(), K_fixed=DECOUPLED))
-
-    assert coupled.gains.K == pytest.approx(own.gains.K, abs=FLAT)
-    assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
 
 
 def test_a_channel_that_the_rate_leaves_open_has_the_smallest_trace_of_q():
@@ -140,7 +127,7 @@ def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
 
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=8.0, scaling=scaling))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=8.0, scaling=scaling), starts=1)
 
     again = ft.loop.indicators(ft.loop.closed_loop(model, found.gains), scaling=scaling)
     assert (found.R_K, found.I_K) == (again.R_K, again.I_K)

@@ -26,8 +26,8 @@ def test_gains_say_the_airspeeds_that_they_are_tuned_for(name, tuning, options, 
 
 @pytest.mark.soak
 def test_gains_for_all_conditions_have_the_rate_of_the_worst_and_none_does_better():
-    robust = ft.tune("mission", changes=EVERYWHERE, starts=2)
-    nominal = ft.tune("mission", changes={"tuning.model": "identified"}, starts=2)
+    robust = ft.tune("mission", changes=EVERYWHERE, starts=1)
+    nominal = ft.tune("mission", changes={"tuning.model": "identified"}, starts=1)
     units = robust.problem.scaling
     certificate = ft.certify("mission", robust.gains, envelope=True, changes=EVERYWHERE).certificate
 
@@ -43,31 +43,29 @@ def test_gains_for_all_conditions_have_the_rate_of_the_worst_and_none_does_bette
 
 @pytest.fixture(scope="module")
 def narrow():
-    ranges = {"V_a_mps": [24, 26], "gamma_deg": [10, 20], "phi_deg": [-2, 2], "n_z": [0.95, 1.05]}
+    ranges = {"V_a_mps": [17, 33], "gamma_deg": [10, 20], "phi_deg": [-2, 2], "n_z": [0.95, 1.05]}
     changes = {f"envelope.{key}": value for key, value in ranges.items()}
-    return changes, ft.tune("paper", changes=changes, envelope=True, starts=1)
+    found = ft.tune("paper", changes=changes, envelope=True, starts=1)
+    proven = ft.certify("paper", found.gains, envelope=True, changes=changes).certificate
+    return changes, found, proven.claim.rate
 
 
 def test_gains_for_an_envelope_have_the_rate_that_a_certificate_proves_and_nearly_its_bound(narrow):
-    changes, found = narrow
-    proven = ft.certify("paper", found.gains, envelope=True, changes=changes).certificate
+    _, found, proven = narrow
 
     assert (found.status, found.factor) == ("found", 1.0)
-    assert proven.claim.rate == pytest.approx(found.R_envelope, rel=1e-5)
+    assert proven == pytest.approx(found.R_envelope, rel=1e-5)
     assert found.R_envelope <= found.R_envelope_bound <= 1.0002 * found.R_envelope
     assert found.R_envelope <= found.R_K
     assert found.I_K <= found.problem.I_star
-    assert found.tuned_for["V_a_mps"] == [24.0, 26.0]
+    assert found.tuned_for["V_a_mps"] == [17.0, 33.0]
 
 
 def test_gains_for_an_envelope_are_better_there_than_those_for_its_trim(narrow):
-    changes, found = narrow
+    changes, found, proven = narrow
     trim = ft.tune("paper", starts=1)
-    rates = [
-        ft.certify("paper", gains, envelope=True, changes=changes).certificate.claim.rate
-        for gains in (found.gains, trim.gains)
-    ]
+    of_trim = ft.certify("paper", trim.gains, envelope=True, changes=changes).certificate
 
-    assert rates[0] >= rates[1]
+    assert proven > 1.001 * of_trim.claim.rate
     assert found.R_K <= trim.R_K * (1.0 + 1e-6)
     assert np.isfinite(found.gains.K).all()

@@ -9,17 +9,10 @@ from flighttune.base.stop import stopped_by
 STEPS = 5
 
 
-OTHERS = (
-    {},  # by gradients
-    {"tuning.I_star": 1e-9},  # infeasible: its diagnosis searches too
-    {"tuning.model": "identified"},
-)
-
-
 @pytest.mark.parametrize(
     "changes",
     [
-        *(pytest.param(changes, marks=pytest.mark.soak) for changes in OTHERS),
+        pytest.param({"tuning.I_star": 1e-9}, marks=pytest.mark.soak),  # its diagnosis searches too
         {"tuning.model": "identified", "tuning.lag_s": [0.1, 0.4]},  # the slowest decay
     ],
 )
@@ -37,4 +30,4 @@ def test_tuning_ends_with_the_step_at_which_it_is_stopped(changes):
         ft.tune("level_turn", changes=changes)
     assert steps == STEPS
     # A later search is not stopped.
-    assert ft.tune("paper").status == "optimal"
+    assert ft.tune("paper", starts=1).status == "optimal"

@@ -32,7 +32,10 @@ LAWS = {
     "fed back": {"law": "exact", "gains": ["tuned_fed_back"]},
 }
 AIRCRAFT = {"aerosonde": 25.0, "x8": 18.0, "a4": 190.0, "c172p": 50.0}
-IN_TEST = {("aerosonde", "still air", "fed back"), ("x8", "wind over height", "exact")}
+IN_TEST = {
+    ("aerosonde", "navigation", "fed back"), ("x8", "wind over height", "exact"),
+    ("aerosonde", "airframe", "paper"),
+}  # fmt: skip
 
 
 def scenario(aircraft, case, law, **more):

@@ -31,9 +31,7 @@ def hits(function):
 DAMAGES = {
     "cut": lambda data: data[: len(data) // 2],
     "empty": lambda _: b"",
-    "garbage": lambda data: bytes(range(256)) * (len(data) // 256 + 1),
     "one bit": lambda data: data[:-200] + bytes([data[-200] ^ 1]) + data[-199:],
-    "of nothing": lambda data: data[:32],
 }
 
 

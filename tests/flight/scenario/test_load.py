@@ -2,10 +2,14 @@
 
 import math
 import pickle
+import re
+import shutil
 
 import numpy as np
 import pytest
 from made_up import made_up_scenario, scenario_file, scenario_tables
+from places import SHIPPED_AIRCRAFT
+from plans import item, plan_file, waypoint
 
 import flighttune as ft
 
@@ -139,3 +143,69 @@ def test_a_scenario_names_each_file_of_its_code_once():
     assert [key for key, _ in scenario.of_files()] == ["law", "law", "plant"]
     assert [table.name for _, table in scenario.of_files(["second"])] == ["second"]
     assert made_up_scenario().code == ()
+
+
+@pytest.fixture
+def steady(tmp_path):
+    """An Aerosonde whose law is given no thrust to command."""
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "steady")
+    file = folder / "aircraft.toml"
+    file.write_text(re.sub(r"(?m)^n_x.*\n", "", file.read_text()))
+    return str(folder)
+
+
+# Airspeeds that a plan states behind its first waypoints, and values set by key; then the airspeed
+# of the flight, whether gains are scheduled, whether the route holds airspeeds, and is assumed one.
+MISSIONS = [
+    ((), {}, 25.0, False, None, True),
+    ((27.0, 22.0), {}, 27.0, True, True, None),
+    ((22.0, 27.0), {}, 22.0, True, True, None),
+    ((22.0,), {}, 22.0, False, None, None),
+    ((27.0,), {"flight.V_a_mps": 24.0}, 24.0, False, None, None),
+]
+
+
+def mission(folder, speeds, aircraft, changes):
+    """The scenario of a plan of three points, with changes of airspeed on the way."""
+    items, points = [waypoint(47.4, 8.5, 80)], [(47.41, 8.5), (47.42, 8.51)]
+    for place, speed in zip(points, (*speeds, None, None), strict=False):
+        items += [item(178, 0, speed, -1, 0, 0, 0, 0, frame=2)] * (speed is not None)
+        items.append(waypoint(*place, 80))
+    file = plan_file(folder / "way.plan", *items)
+    return ft.route(file, aircraft=aircraft, changes=changes).scenario
+
+
+@pytest.mark.parametrize(("speeds", "changes", "V_a", "scheduled", "holds", "assumed"), MISSIONS)
+def test_a_mission_is_flown_at_the_airspeeds_that_its_file_states(
+    tmp_path, speeds, changes, V_a, scheduled, holds, assumed
+):
+    made = mission(tmp_path, speeds, "aerosonde", changes)
+
+    assert made.flight.V_a_mps == V_a
+    assert (made.controller.schedule, made.controller.feed_forward) == (scheduled, True)
+    assert made.controller.speed_priority is True
+    assert (made.route.holds_airspeed or None) == (holds or None)
+    assert (made.route.airspeed_assumed or None) == assumed
+    assert [made.title, *made.gains, made.flight.h_m] == ["way", "tuned_fed_back", 560.0]
+    assert [plant.label for plant in made.plant] == ["jsbsim:aerosonde"]
+
+
+def test_a_mission_of_an_aircraft_that_holds_its_airspeed_is_flown_at_the_fastest(steady, tmp_path):
+    slow_first = mission(tmp_path, (22.0, 27.0), steady, {})
+
+    assert slow_first.flight.V_a_mps == 27.0
+    assert not slow_first.route.holds_airspeed
+    assert not slow_first.controller.schedule
+
+
+def test_a_mission_of_a_model_flies_its_lags_within_the_limits_of_its_aircraft(tmp_path):
+    model = str(SHIPPED_AIRCRAFT / "aerosonde/identified.json")
+    own = ft.loop.JSBSimPlant("aerosonde").limits
+
+    made = mission(tmp_path, (), model, {})
+
+    assert made.plant[0].kind == "point_mass_lag"
+    limits = made.limits.limits()
+    for name in ("lower", "upper", "rate_lower", "rate_upper"):
+        assert getattr(limits, name) == pytest.approx(getattr(own, name))
+    assert any("lags of an identified model" in note for note in made.route.notes)

@@ -93,7 +93,29 @@ def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
     slowest, fastest = tomlkit.parse((theirs / "aircraft.toml").read_text())["envelope"]["V_a_mps"]
     assert f" # the aircraft flies {slowest:g} to {fastest:g} m/s\n" in text
     assert ft.loop.JSBSimPlant(made.plant[1].aircraft).config.folder == theirs
+    assert (made.flight.V_a_mps, made.flight.h_m) == (25.0, 1000.0)  # of its design
+    assert made.controller.speed_priority is True
     assert "flighttune fly 'mine of two words.toml' " in text
+
+
+@pytest.mark.slow
+def test_an_aircraft_without_design_and_engine_descends_at_the_middle_of_its_airspeeds(tmp_path):
+    theirs = stranger(tmp_path / "glider")
+    file = theirs / "aircraft.toml"
+    document = tomlkit.parse(file.read_text())
+    del document["design"]
+    document["engines"]["count"] = 0
+    slowest, fastest = document["envelope"]["V_a_mps"]
+    file.write_text(tomlkit.dumps(document))
+
+    answer("new", "mine", "--aircraft", theirs, cwd=tmp_path)
+    made = ft.load_scenario(tmp_path / "mine.toml")
+
+    assert made.flight.V_a_mps == 0.5 * (slowest + fastest)
+    assert made.flight.h_m == 1000.0
+    assert made.controller.speed_priority is None
+    turned, descended = np.diff(np.degrees(made.stated_reference.sampled(np.array([0.0, 40.0]))))
+    assert (*turned, *descended) == pytest.approx((30.0, -3.0), rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "below/", "x" * 300])

@@ -96,7 +96,13 @@ def random_samples():
 
 
 @needs_compiler
-@pytest.mark.parametrize("settings", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(x, id=i, marks=[pytest.mark.counts] * i.startswith("no "))
+        for i, x in LAWS.items()
+    ],
+)
 def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
     law = ft.loop.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
     loop = Loop(c_source(law, title="a */ b", gains="c\nd"), tmp_path)
@@ -141,7 +147,9 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
 @pytest.mark.parametrize(
     "wind", [{}, {"wind": {"speed_mps": 6.0, "from_deg": 40.0, "down_mps": 2.0}}]
 )
-@pytest.mark.parametrize("name", ["climb_beyond_power", "engine_fails_in_climb"])
+@pytest.mark.parametrize(
+    "name", ["climb_beyond_power", pytest.param("engine_fails_in_climb", marks=pytest.mark.counts)]
+)
 def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, wind, tmp_path):
     """The file is given the signals of a flight in which the path angle gives way."""
     scenario = ft.scenario_from(ft.load_scenario(name).as_dict() | wind)
@@ -195,7 +203,9 @@ def test_the_example_of_the_page_compiles_and_runs(tmp_path):
 @pytest.mark.soak
 @needs_compiler
 @pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
-@pytest.mark.parametrize("feedback", [(0.0, 0.0), (0.5, 0.3)])
+@pytest.mark.parametrize(
+    "feedback", [(0.5, 0.3), pytest.param((0.0, 0.0), marks=pytest.mark.counts)]
+)
 @pytest.mark.parametrize("priority", ["gamma", "chi"])
 def test_the_c_file_of_the_exact_law_commands_what_it_does(
     priority, feedback, anti_windup, tmp_path

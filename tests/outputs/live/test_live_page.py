@@ -12,7 +12,7 @@ from plans import plan_file, waypoint
 import flighttune as ft
 from flighttune.claims import mission
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.soak]
 
 # A second after which a picture that was asked for is late, on a machine that does much else.
 PATIENCE_S = 60.0
@@ -21,12 +21,6 @@ DRAWN = "Number(document.body.dataset.drawn ?? 0)"
 PICTURE = "document.querySelector('#charts').innerHTML"
 VERDICT = "document.querySelector('#verdict').textContent"
 K_P = "gains[0].K_P[0][0]"
-
-
-# Signals of a run by their names in a log.
-LOGGED = {x: f"{x}_rad" for x in ("chi", "gamma", "phi", "chi_ref", "gamma_ref")}
-LOGGED |= {"V_a": "V_a_mps", "V_g": "V_g_mps", "n_z": "n_z"}
-LOGGED |= {x: f"{x}_m" for x in ("north", "east", "down")}
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +94,6 @@ def test_a_slider_that_is_dragged_changes_picture_and_numbers(browser, page):
 OPACITY = "Number(getComputedStyle(document.querySelector('{}')).opacity)"
 
 
-@pytest.mark.soak
 def test_a_flight_that_fails_says_why_and_the_page_goes_on(browser, page):
     with window(browser, page) as tab:
         set_value(tab, "plant.airframe.mass_factor", 3.0)
@@ -125,7 +118,6 @@ def test_a_value_that_is_refused_says_why_and_the_page_goes_on(browser, page):
         assert tab.run(OPACITY.format("#charts")) == 1.0
 
 
-@pytest.mark.soak
 def test_tuned_gains_move_the_sliders(browser, page):
     with window(browser, page) as tab:
         drawn = tab.run(DRAWN)
@@ -137,7 +129,6 @@ def test_tuned_gains_move_the_sliders(browser, page):
         assert value == pytest.approx(float(tuned.K_P[0, 0]), rel=1e-4)
 
 
-@pytest.mark.soak
 def test_a_search_shows_how_far_it_is_and_stops_while_sliders_move(browser, page):
     with window(browser, page) as tab:
         click(tab, "[data-doing=meet]")
@@ -150,20 +141,6 @@ def test_a_search_shows_how_far_it_is_and_stops_while_sliders_move(browser, page
         tab.until("/stopped/.test(document.querySelector('#said').textContent)", PATIENCE_S)
         assert tab.run("document.querySelector('#search').hidden")
         assert float(tab.run(f"document.getElementById('{K_P}').value")) == 1.4
-
-
-def test_aircraft_that_differ_are_drawn_as_a_cloud_until_a_slider_moves(browser, page):
-    lines = "document.querySelectorAll('#charts figure:first-of-type path[stroke-width=\"0.425\"]')"
-    with window(browser, page) as tab:
-        assert tab.run(f"{lines}.length") == 0
-        click(tab, "[data-doing=aircraft]")
-        tab.until(f"{lines}.length === 20", PATIENCE_S)
-        assert "20 aircraft have flown, varied as those of missions." in said(tab)
-        assert "20 aircraft that differ" in tab.run(
-            "document.querySelector('#verdict').textContent"
-        )
-        set_value(tab, K_P, 1.3)
-        tab.until(f"{lines}.length === 0", PATIENCE_S)
 
 
 def test_a_snapshot_stays_as_a_ghost_until_it_is_removed(browser, page):
@@ -187,33 +164,9 @@ def test_saving_and_recording_tell_the_command_that_does_the_same(browser, page)
             tab.until(f"/{command}/.test(document.querySelector('#said').textContent)", PATIENCE_S)
 
 
-def test_a_recording_is_drawn_beside_the_flight_that_it_is_of(browser, tmp_path):
-    ft.record(ft.fly("paper_as_printed", "paper"), tmp_path / "run")
-    with ft.open(tmp_path / "run", browser=False) as page, window(browser, page) as tab:
-        assert "kinematic / recorded" in tab.run("document.querySelector('#legend').textContent")
-        lines = tab.run(
-            "[...document.querySelectorAll('#charts figure:first-of-type path[data-run]')]"
-            ".map(x => [x.dataset.run, x.getAttribute('d')])"
-        )
-    drawn = dict(lines)
-    assert drawn["kinematic / recorded"] == drawn["kinematic / paper"]
-
-
-def test_a_log_is_flown_beside(browser, tmp_path):
-    run = ft.fly("level_turn", "paper")["jsbsim:aerosonde / paper"]
-    table = run.signals[[*LOGGED]].rename(columns=LOGGED).rename_axis("t_s").reset_index()
-    table.to_csv(tmp_path / "flight.csv", index=False)
-    log = tmp_path / "flight.csv"
-    with ft.open(log, aircraft="aerosonde", browser=False) as page, window(browser, page) as tab:
-        legend = tab.run("document.querySelector('#legend').textContent")
-    assert "log / flight" in legend
-    assert "jsbsim:aerosonde" in legend
-
-
 BOX = [[47.397, 8.496], [47.397, 8.51], [47.407, 8.51], [47.407, 8.496]]
 
 
-@pytest.mark.soak
 def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(
     browser, tmp_path, monkeypatch
 ):
@@ -238,9 +191,10 @@ def test_a_mission_has_its_map_and_fence_and_a_corridor_until_a_slider_moves(
 @pytest.mark.parametrize(
     ("width", "scheme"),
     [
-        *((width, "light") for width in (WIDE, DESK, PHONE, NARROW)),
+        (DESK, "light"),
         (PHONE, "dark"),
-        *(pytest.param(width, "dark", marks=pytest.mark.counts) for width in (WIDE, DESK, NARROW)),
+        *(pytest.param(x, "light", marks=pytest.mark.counts) for x in (WIDE, PHONE, NARROW)),
+        *(pytest.param(x, "dark", marks=pytest.mark.counts) for x in (WIDE, DESK, NARROW)),
     ],
 )
 def test_nothing_overlaps_or_leaves_the_page(browser, page, width, scheme):
@@ -277,7 +231,6 @@ def test_everything_that_moves_has_a_name_for_screen_readers(browser, page):
     assert [role for role, name in named if not name.strip()] == []
 
 
-@pytest.mark.soak
 def test_a_page_asks_nobody_but_its_server(browser, page):
     with window(browser, page) as tab:
         blocked = tab.run(
@@ -288,9 +241,8 @@ def test_a_page_asks_nobody_but_its_server(browser, page):
     assert {*asked} <= {f"127.0.0.1:{page.port}"}
 
 
-@pytest.mark.soak
 def test_fifty_moves_a_second_are_followed_in_bounded_memory(browser, page):
-    process, seconds, room = psutil.Process(), 4.0, 60e6
+    process, seconds, room = psutil.Process(), 1.5, 60e6
     with window(browser, page) as tab:
         tab.run(
             f"window.sent = 0; window.moves = document.getElementById('{K_P}'); window.timer ="

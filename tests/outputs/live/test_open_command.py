@@ -13,9 +13,10 @@ import urllib.request
 import psutil
 import pytest
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.soak]
 
 COMMAND = [sys.executable, "-u", "-m", "flighttune", "open", "level_turn"]
+COMMAND += ["--set", "flight.duration_s=4"]
 LONGEST_S = 120.0
 
 
@@ -43,7 +44,6 @@ def test_it_prints_an_address_and_the_way_to_it_from_elsewhere(opened, tmp_path)
     assert [*tmp_path.iterdir()] == []
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize("number", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.counts)])
 def test_a_signal_ends_the_page(opened, number):
     running, line = opened
@@ -56,7 +56,6 @@ def test_a_signal_ends_the_page(opened, number):
     assert not any(child.is_running() for child in children)
 
 
-@pytest.mark.soak
 def test_a_signal_ends_the_processes_of_a_search_too(opened):
     running, line = opened
     url, port = re.search(r"Open (http://127\.0\.0\.1:(\d+)/[\w-]+/)", line).groups()

@@ -35,7 +35,7 @@ def token_of(page):
 
 def ask(page, path="", body=None, *, token=None, **headers):
     """Status, headers and body of an answer; headers are those of our page unless stated."""
-    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=300)
     told = {"Host": f"127.0.0.1:{page.port}"}
     if body is not None:
         told |= {"Origin": f"http://127.0.0.1:{page.port}", "Content-Type": "application/json"}
@@ -57,26 +57,26 @@ def test_the_page_and_a_picture_are_there_for_those_who_have_the_address(page):
     assert "<svg" in json.loads(text)["pieces"]
 
 
-@pytest.mark.parametrize("path", ["", "events", "picture", "begin", "stop", "save"])
-@pytest.mark.parametrize("token", ["x", "", "a" * 32, "%C3%A9", ".."])
-def test_nothing_is_told_without_the_token(page, path, token):
-    body = None if path in ("", "events") else MOVE
-    status, _, text = ask(page, path, body, token=token)
-    assert status in (404, 405)
-    assert token_of(page).encode() not in text
+def test_nothing_is_told_without_the_token(page):
+    for token in ("x", "", "a" * 32, "%C3%A9", ".."):
+        for path in ("", "events", "picture", "begin", "stop", "save"):
+            body = None if path in ("", "events") else MOVE
+            status, _, text = ask(page, path, body, token=token)
+            assert status in (404, 405), (token, path)
+            assert token_of(page).encode() not in text
 
 
-@pytest.mark.parametrize("path", ["", "picture", "save"])
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", ""])
-def test_another_name_of_this_machine_is_refused(page, path, host):
-    status, _, _ = ask(page, path, MOVE if path else None, Host=host)
-    assert status in (400, 404)
+def test_another_name_of_this_machine_is_refused(page):
+    for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", ""):
+        for path in ("", "picture", "save"):
+            status, _, _ = ask(page, path, MOVE if path else None, Host=host)
+            assert status in (400, 404), (host, path)
 
 
-@pytest.mark.parametrize("path", ["picture", "begin", "stop", "save"])
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1", None])
-def test_a_page_of_another_origin_moves_nothing(page, path, origin):
-    assert ask(page, path, MOVE, Origin=origin)[0] == 404
+def test_a_page_of_another_origin_moves_nothing(page):
+    for origin in ("http://evil.example", "null", "https://127.0.0.1", None):
+        for path in ("picture", "begin", "stop", "save"):
+            assert ask(page, path, MOVE, Origin=origin)[0] == 404, (origin, path)
 
 
 def test_a_page_of_another_origin_reads_nothing(page):
@@ -97,69 +97,56 @@ def test_it_listens_on_this_machine_alone(page):
     assert [x.ip for x in listening if x.port == page.port] == ["127.0.0.1"]
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        b"",
-        b"{",
-        b"[]",
-        b"null",
-        b"{}",
-        b'{"values": {}, "ghosts": 1}',
-        b"[" * 2000,
-        b"x" * 70_000,
-        b'{"values": {"flight.V_a_mps": NaN}}',
-        b'{"values": {"flight.V_a_mps": [25.0]}}',
-        b'{"values": {}, "ghosts": {"a": {}, "b": {}, "c": {}, "d": {}, "e": {}, "f": {}}}',
-    ],
-)
-def test_what_the_page_does_not_send_is_refused(page, body):
-    status, _, text = ask(page, "picture", body)
-    assert status in (400, 413)
-    assert b"Traceback" not in text
+UNSENT = [
+    b"",
+    b"{",
+    b"[]",
+    b"null",
+    b"{}",
+    b'{"values": {}, "ghosts": 1}',
+    b"[" * 2000,
+    b"x" * 70_000,
+    b'{"values": {"flight.V_a_mps": NaN}}',
+    b'{"values": {"flight.V_a_mps": [25.0]}}',
+    b'{"values": {}, "ghosts": {"a": {}, "b": {}, "c": {}, "d": {}, "e": {}, "f": {}}}',
+]
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"flight.V_a_mps": -1.0},
-        {"flight.V_a_mps": 10**400},
-        {"limits.phi_deg[1]": 10**400},
-        {"limits.phi_deg[1]": -(10**300)},
-        {"law[0].module": "x.py"},
-        {"gains[0].K_P[0][0]": 1e300},
-    ],
-)
-def test_a_value_that_cannot_be_flown_is_told_in_a_line(page, values):
-    status, _, text = ask(page, "picture", {**MOVE, "values": values})
-    assert status == 200
-    assert "must" in json.loads(text)["failed"]
+def test_what_the_page_does_not_send_is_refused(page):
+    for body in UNSENT:
+        status, _, text = ask(page, "picture", body)
+        assert status in (400, 413), body
+        assert b"Traceback" not in text
 
 
-def test_what_is_saved_flies_as_the_page_and_lies_in_the_named_folder(page, folder):
-    values = {"gains[0].K_P[0][0]": 1.2, "flight.V_a_mps": 26.0}
-    before = {*folder.rglob("*")}
-    told = json.loads(ask(page, "save", {"values": values})[2])
-    new = {path for path in folder.rglob("*") if path.is_file()} - before
-    assert {path.name for path in new} == {"scenario.toml", "gains.json"}
-    assert all(path.parent.parent == folder / "saved" for path in new)
-    (file,) = (path for path in new if path.suffix == ".toml")
-    assert told["command"] == f"flighttune fly {file}"
-    assert ft.load_scenario(file).flight.V_a_mps == 26.0
-    assert ft.load_gains(file.with_name("gains.json")).K_P[0, 0] == 1.2
+UNFLOWN = [
+    {"flight.V_a_mps": -1.0},
+    {"flight.V_a_mps": 10**400},
+    {"limits.phi_deg[1]": 10**400},
+    {"limits.phi_deg[1]": -(10**300)},
+    {"law[0].module": "x.py"},
+    {"gains[0].K_P[0][0]": 1e300},
+]
 
 
-@pytest.mark.parametrize("name", ["../../evil", "/tmp/flighttune_evil", "x"])
-def test_a_page_names_no_file_to_save(page, folder, name):
+def test_a_value_that_cannot_be_flown_is_told_in_a_line(page):
+    for values in UNFLOWN:
+        status, _, text = ask(page, "picture", {**MOVE, "values": values})
+        assert status == 200, values
+        assert "must" in json.loads(text)["failed"]
+
+
+def test_a_page_names_no_file_to_save(page, folder):
     def elsewhere():
         saved = folder / "saved"
         return {x for x in folder.parent.rglob("*") if saved not in (x, *x.parents)}
 
     before = elsewhere()
-    names = dict.fromkeys(("folder", "out", "name", "path", "file"), name)
-    assert "failed" not in json.loads(ask(page, "save", {"values": {}, **names})[2])
-    assert elsewhere() == before
-    assert not Path("/tmp/flighttune_evil").exists()
+    for name in ("../../evil", "/tmp/flighttune_evil", "x"):
+        names = dict.fromkeys(("folder", "out", "name", "path", "file"), name)
+        assert "failed" not in json.loads(ask(page, "save", {"values": {}, **names})[2])
+        assert elsewhere() == before
+        assert not Path("/tmp/flighttune_evil").exists()
 
 
 LAW = """
@@ -182,7 +169,7 @@ class Mine:
 """
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_recording_runs_no_code_that_it_names(tmp_path):
     (tmp_path / "law.py").write_text(LAW)
     scenario = ft.load_scenario("paper_as_printed", changes={"flight.duration_s": 0.5}).as_dict()

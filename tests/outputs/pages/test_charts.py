@@ -7,10 +7,8 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from commands import flighttune
-from drawn import Drawn, apart, box_of, drawn, faults, number
-from hypothesis import given
-from hypothesis import strategies as st
+from commands import answer, flighttune
+from drawn import apart, box_of, drawn, faults, number
 
 import flighttune as ft
 
@@ -135,6 +133,16 @@ def test_bars_of_a_gap_go_from_the_law_to_the_aircraft(of_runs):
             assert middle == pytest.approx(np.arange(5.0), abs=0.01)
             assert (low[0], low[-1]) == pytest.approx((0.0, 0.0), abs=off)
             assert (high[0], high[-1]) == pytest.approx(ends, abs=off)
+            least, most = min(0.0, 1.1 * low.min()), 1.12 * high.max()
+            assert chart.y_ends == pytest.approx([least, most], abs=0.02 * most)
+            sums = np.array([ends[0], *(high - low)[1:-1]])
+            joints = chart.lines()
+            assert [x.tolist() for x, _ in joints] == [
+                pytest.approx([i - 0.32, i + 1.32], abs=0.02) for i in range(len(sums))
+            ]
+            assert {x.get("stroke-width") for x in chart.paths} == {"0.8"}
+            assert joints[-1][1] == pytest.approx(ends[1], abs=off)
+            assert joints[0][1] == pytest.approx(ends[0], abs=off)
             told = [number(text.replace("+", "")) for text in chart.texts()]
             assert (told[0], told[-1]) == pytest.approx(ends, abs=0.0051)
             assert np.abs(told[1:-1]) == pytest.approx((high - low)[1:-1], abs=0.0051 + off)
@@ -206,7 +214,7 @@ def around(results, tmp_path_factory):
     scenario = results.of("band").flights.scenario
     flown = ft.fly(scenario)
     ft.record(flown, folder / "run")
-    tube, band = ft.tube(scenario), results.of("band")
+    tube, band = results.of("tube"), results.of("band")
     tube.save(folder / "t.npz")
     band.save(folder / "b.npz")
     files = [folder / "t.npz", folder / "b.npz"]
@@ -230,7 +238,18 @@ def test_bounds_of_claims_are_drawn_around_errors_in_degrees(around, results):
             i = bounds.names.index(signal)
             for found, wanted in ((low, bounds.low), (high, bounds.high)):
                 same(chart, (x, found), bounds.t, DEG * wanted[:, i])
+        (proven, counted) = [x for x in chart.paths if x.get("class") == "band"]
+        assert "var(--neutral)" in counted.get("style")
+        assert "var(--neutral)" not in proven.get("style")
+        edges = [x for x in chart.paths if x.get("stroke-dasharray") == "1.5 2.5"]
+        assert [x.get("stroke-width") for x in edges] == ["1.2", "1.2"]
     own = sound(drawn(ft.plot(tube).svg()))
+    assert own[0].x_ends == pytest.approx([0.0, tube.bounds.t[-1]])
+    zero, lower, upper = [x for x in own[0].paths if x.get("class") != "band"]
+    assert own[0].curve(zero)[1] == pytest.approx([0.0, 0.0], abs=10.0 * own[0].off(0.0, "y"))
+    assert [x.get("stroke-width") for x in (lower, upper)] == ["1.2", "1.2"]
+    for line, wanted in ((lower, tube.bounds.low), (upper, tube.bounds.high)):
+        same(own[0], own[0].curve(line), tube.bounds.t, DEG * wanted[:, 0])
     x, low, high = own[0].bands()[0]
     i = tube.bounds.names.index("chi_err")
     same(own[0], (x, high), tube.bounds.t, DEG * tube.bounds.high[:, i])
@@ -274,6 +293,19 @@ def test_the_curves_of_a_loop_are_those_of_the_closed_form(tmp_path):
     sheet = (tmp_path / "c.svg").read_text(encoding="utf-8")
     magnitude, phase, nyquist, plane = sound(drawn(sheet))[:4]
 
+    (level,), (lag,) = ([x for x in c.lines() if len(x[0]) == 2 and x[0][0] <= c.x_ends[0]]
+                        for c in (magnitude, phase))  # fmt: skip
+    assert (level[1][0], lag[1][0]) == (pytest.approx(0.0, abs=0.1), pytest.approx(-180.0, abs=0.2))
+    circle = nyquist.lines()[0]
+    assert np.hypot(*circle) == pytest.approx(1.0, abs=0.02)
+    assert nyquist.points()[0][0][0] == pytest.approx(-1.0, abs=0.01)
+    assert nyquist.dots[0][0].get("d").endswith("l12,-12")
+    (disk,) = [x for x in nyquist.paths if (x.get("data-part") or "").startswith("disk margin")]
+    x, _ = nyquist.curve(disk)
+    said = answer("certify", "level_turn", "--gains", tmp_path / "g.json")["margins"][-1]
+    assert np.nanmin(x) == pytest.approx(-said["gain_increase"], rel=0.02)
+    assert np.nanmax(x) == pytest.approx(-said["gain_decrease"], rel=0.02)
+    assert float(disk.get("data-part").split()[-1]) == pytest.approx(said["disk_margin"], abs=0.006)
     poles = np.concatenate([np.roots([1.0, b * p, b * i]) for p, i in zip(K_P, K_I, strict=True)])
     for k, (p, i) in enumerate(zip(K_P, K_I, strict=True)):
         size, angle = ([x for x in c.lines() if len(x[0]) > 300][k] for c in (magnitude, phase))
@@ -300,6 +332,10 @@ def test_the_curves_of_a_loop_are_those_of_the_closed_form(tmp_path):
     assert nyquist.x_ends[0] < -1.0 < nyquist.x_ends[1]
     low, high = plane.x_ends
     assert low < min(poles.real) < 0.0 < high
+    # 15 % beyond the fastest, and as much to the right of the axis
+    assert (low + high) / 2.0 == pytest.approx(0.5 * poles.real.min(), rel=1e-3)
+    decades = np.abs(poles).min() * 10.0**-1.5, np.abs(poles).max() * 10.0**1.5
+    assert phase.x_ends == pytest.approx([decades[0] / 1.05, decades[1] * 1.05], rel=1e-3)
 
 
 @pytest.mark.slow
@@ -335,6 +371,26 @@ def test_marks_of_gains_stand_at_their_indicators_below_the_frontier(results):
             assert told == pytest.approx([float(y), float(x)], rel=0.01)
         names = [box_of(one) for one in chart.plot.iter("text")]
         assert apart(names)
+        shown = [row for row in rows if row["name"] == "frontier" or row["R_K"] > 0.0]
+        sizes, rates = ([row[name] for row in shown] for name in (key, "R_K"))
+        low, high = min(rates), max(rates)
+        room = 0.05 * (high - low) + 0.08 * 1.1 * (high - low)
+        assert chart.y_ends == pytest.approx([low - room, high + room], rel=1e-4)
+        wide = max(sizes) > 10.0 * min(sizes)
+        assert chart.log == "x" * wide
+        ends = np.array([min(sizes), max(sizes)])
+        if wide:
+            ends = ends * [1.0 / 1.05, 1.05]
+            ends = ends * (ends[1] / ends[0]) ** np.array([-0.08, 0.08])
+        else:
+            ends = ends + 0.08 * np.ptp(ends) * np.array([-1.0, 1.0])
+        assert chart.x_ends == pytest.approx(ends, rel=1e-4)
+        hollow = {tip.partition(":")[0] for _, _, tip in tips if "beyond" in tip}
+        assert hollow == {
+            row["name"] for row in rows if row["R_K"] > 0.0 and not row["within_limits"]
+        }
+        fills = [group[0].get("fill") for group in chart.dots]
+        assert fills.count("var(--paper)") == len(hollow)
 
 
 @pytest.mark.slow
@@ -345,7 +401,7 @@ def test_the_page_of_a_campaign_has_the_shares_steps_and_dots_of_its_rows(result
     rows = pd.read_parquet(results.folder / "flown/runs")
     shares, steps = titled(charts, "Flights that succeed"), titled(charts, "Flights by")
     groups = rows.groupby("gains", sort=False)
-    told = shares.texts()
+    told, ends = shares.texts(), []
     assert len(told) == 2
     for name, own in groups:
         (text,) = [x for x in told if f"/ {name}:" in x]
@@ -364,6 +420,35 @@ def test_the_page_of_a_campaign_has_the_shares_steps_and_dots_of_its_rows(result
         for value in (values[:-1] + values[1:])[:: max(1, n // 4)] / 2.0:
             below = 100.0 * (values <= value).mean()
             assert y[np.searchsorted(x, value, side="right") - 1] == pytest.approx(below, abs=0.6)
+        assert any(x == pytest.approx(wanted[:1], abs=0.1) for x, _, _ in shares.points())
+        ends.append(wanted)
+    ends = np.array(ends)
+    room = 6.0 * max((ends[:, 2].max() - ends[:, 1].min()) / 100.0, 0.01)
+    wanted = [max(-2.0, ends[:, 1].min() - room), min(102.0, ends[:, 2].max() + 2.5 * room)]
+    assert shares.x_ends == pytest.approx(wanted, rel=1e-3)
+    assert sorted(shares.y_ends) == [0.0, 2.0]
+    ups = sorted(
+        {float(y[0]) for label in groups.groups for _, y in shares.lines(f"kinematic / {label}")}
+    )
+    assert ups == pytest.approx([0.5 + 9.0 / 96.0, 1.5 + 9.0 / 96.0], abs=0.002)
+    values = DEG * rows["chi.peak_rad"]
+    inner = np.concatenate([
+        np.sort(DEG * own["chi.peak_rad"].to_numpy()) for _, own in groups
+    ])  # fmt: skip
+    low, high = np.quantile(inner, [0.005, 0.995])
+    low, high = min(low, 7.0), max(high, 7.0)
+    assert steps.x_ends == pytest.approx(
+        [low - 0.04 * (high - low), high + 0.04 * (high - low)], rel=1e-3
+    )
+    assert steps.y_ends == pytest.approx([0.0, 102.0])
+    assert values.max() >= high
+    of_n = titled(charts, "Success rate")
+    assert of_n.log == "x"
+    for name, own in groups:
+        x, y = of_n.lines(f"kinematic / {name}")[0]
+        met = own.sort_values("run")["success"].to_numpy()
+        for n, share in zip(np.rint(x).astype(int), y, strict=True):
+            assert share == pytest.approx(100.0 * met[:n].mean(), abs=1.0)
     (bound,) = [x[0] for x, y in steps.lines() if len(x) == 2 and x[0] == x[1]]
     assert bound == pytest.approx(7.0, abs=2.0 * steps.off(bound, "x"))
     dots = titled(charts, "ITAE of course over")
@@ -417,12 +502,66 @@ def test_the_page_of_a_log_and_of_a_comparison_draw_their_runs(results, tmp_path
 
 @pytest.mark.slow
 def test_sheets_of_aircraft_have_the_fits_and_steps_of_their_tables(results):
-    steps = sound(drawn(results.of("designed").sheet().svg()))
+    designed = results.of("designed")
+    steps = sound(drawn(designed.sheet().svg()))
+    bank = titled(steps, "Load factor on the way")
+    (level,) = [y[0] for x, y in bank.lines() if len(x) == 2]
+    assert level == pytest.approx(np.sqrt(2.0), abs=bank.off(1.0, "y") * 2.0)
+    first = designed.steps[0].V_a
+    for chart, channel, unit, start in (
+        (titled(steps, "Roll"), "phi", 1.0 / DEG, 0.0),
+        (titled(steps, "Load factor, "), "n_z", 1.0, 1.0),
+    ):  # fmt: skip
+        own = [step for step in designed.steps if step.channel == channel]
+        curves = [chart.curve(x) for x in chart.paths]
+        responses = [
+            c for c, x in zip(curves, chart.paths, strict=True) if not x.get("stroke-dasharray")
+        ]
+        for step, curve in zip(sorted(own, key=lambda x: x.V_a), responses, strict=True):
+            same(chart, curve, step.signals["t"], step.signals[channel] / unit)
+        commands = [
+            c for c, x in zip(curves, chart.paths, strict=True) if x.get("stroke-dasharray")
+        ]
+        at_first = [step for step in own if step.V_a == first]
+        assert len(commands) == len(at_first)
+        rate = {"phi": designed.config.limits.phi_rate, "n_z": designed.config.limits.n_z_rate}[
+            channel
+        ]
+        for step, (x, y) in zip(at_first, commands, strict=True):
+            ramp = np.sign(step.size) * np.minimum(abs(step.size), rate * x)
+            assert y == pytest.approx((start + ramp) / unit, abs=0.02 / unit)
     assert titled(steps, "Roll").y.endswith("[deg]")
     for chart, size in ((titled(steps, "Roll"), 30.0), (titled(steps, "Load factor"), 1.5)):
         ends = [y[-1] for x, y in chart.lines() if len(x) > 20]
         assert max(ends) == pytest.approx(size, rel=0.06)
-    fits = sound(drawn(results.of("identified").sheet().svg()))
+    found = results.of("identified")
+    fits = sound(drawn(found.sheet().svg()))
+    for name, channel in (("Roll", "phi"), ("Load factor", "n_z")):
+        lag = found.conditions[0].channels[channel].candidates[0].lag
+        size, angle = (titled(fits, f"{name}: {of}") for of in ("command to", "its phase"))
+        (level,) = [y[0] for x, y in size.lines() if len(x) == 2]
+        assert level == pytest.approx(-3.01, abs=0.05)
+        at = [float(x[0]) for x, _, _ in size.points() if len(x) == 1]
+        assert at == [pytest.approx(lag.bandwidth, rel=0.01)]
+        for chart, of in ((size, lambda x: 20.0 * np.log10(np.abs(x))),
+                          (angle, lambda x: np.degrees(np.unwrap(np.angle(x))))):  # fmt: skip
+            x, y = chart.lines(part=f"fit, order {lag.order}")[0]
+            assert y == pytest.approx(of(lag.response(x)), abs=0.02 * np.ptp(y))
+            measured = found.conditions[0].channels[channel].frequency
+            flown = next(p for p in chart.points() if len(p[0]) > 5)
+            assert flown[0] == pytest.approx(measured.omega, rel=0.01)
+            assert flown[1] == pytest.approx(of(measured.own), abs=0.02 * np.ptp(flown[1]))
+    held = [x for x in fits if x.title.startswith("Not used")]
+    for chart, channel, unit in zip(held, ("phi", "n_z"), (1.0 / DEG, 1.0), strict=True):
+        of = found.conditions[0].channels[channel]
+        for name in ("commanded", "flown", "fit"):
+            values = getattr(of, name) / unit
+            same(
+                chart,
+                chart.lines(part=name)[0],
+                np.arange(len(values)) * chart.x_ends[1] / (len(values) - 1),
+                values,
+            )
     assert len(fits) >= 4
     for chart in fits:
         pairs = [line for line in chart.lines() if len(line[0]) > 20]
@@ -431,54 +570,3 @@ def test_sheets_of_aircraft_have_the_fits_and_steps_of_their_tables(results):
             low = pairs[1][0] < 5.0
             apart_by = np.abs(np.interp(pairs[1][0], *pairs[0]) - pairs[1][1])[low]
             assert np.median(apart_by) < 0.2 * spread
-
-
-# Zeros, denormals and any size among them.
-NUMBERS = st.lists(st.floats(-1e12, 1e12), min_size=2, max_size=6)
-
-
-@given(values=NUMBERS, step=st.floats(1e-3, 1e3))
-def test_an_axis_takes_all_numbers_with_even_labels_and_a_twentieth_of_room(results, values, step):
-    """An airspeed has no unit but its own; errors are zero."""
-    run = results.of("met").runs[0]
-    t = step * np.arange(len(values))
-    signals = run.signals[: len(values)].set_axis(pd.Index(t, name="t"))
-    signals = signals.assign(n_z=values, phi=0.0, chi_err=0.0, gamma_err=0.0)
-
-    charts = drawn(ft.plot(replace(run, signals=signals)).svg())
-
-    load = titled(charts, "Load factor")
-    assert load.x_ends == pytest.approx([0.0, t[-1]], rel=1e-5)
-    low, high = min(*values, -2.1), max(*values, 2.1)
-    assert load.y_ends == pytest.approx(
-        [low - 0.05 * (high - low), high + 0.05 * (high - low)], rel=1e-5, abs=1e-5 * (high - low)
-    )
-    (x, y), *_ = load.lines(run.label)
-    assert len(x) == len(values)
-    assert y == pytest.approx(values, abs=2.0 * load.off(0.0, "y"))
-    for chart in charts:
-        assert faults(chart) == []
-    assert isinstance(load, Drawn)
-
-
-def test_a_long_line_keeps_its_peaks_its_gaps_and_its_ends(results):
-    run = results.of("met").runs[0]
-    t = np.linspace(0.0, 600.0, 30001)
-    y = np.where((t > 100.0) & (t < 110.0), np.nan, 0.5 * np.sin(t))
-    y[12345], y[23456], y[0], y[-1] = 1.9, -1.9, 0.3, -0.3
-    signals = pd.DataFrame(
-        dict.fromkeys(run.signals.columns, np.zeros(len(t))), index=pd.Index(t, name="t")
-    ).assign(n_z=y)
-
-    load = titled(drawn(ft.plot(replace(run, signals=signals)).svg()), "Load factor")
-
-    (x, found), *_ = load.lines(run.label)
-    assert 300 < len(x) <= 2000
-    off = 2.0 * load.off(1.0, "y")
-    assert (np.nanmax(found), np.nanmin(found)) == pytest.approx((1.9, -1.9), abs=off)
-    assert (found[0], found[-1]) == pytest.approx((0.3, -0.3), abs=off)
-    assert x[np.nanargmax(found)] == pytest.approx(t[12345], abs=2.0)
-    gap = np.flatnonzero(np.isnan(x))
-    assert len(gap) == 1
-    assert x[gap[0] - 1] == pytest.approx(100.0, abs=2.0)
-    assert x[gap[0] + 1] == pytest.approx(110.0, abs=2.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from browser import DESK, SCREEN, chromium_at_real_speed
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.soak]
 
 # Values are read from lines of 0.1 by 0.01 pixels, of 392 by 192.
 DEGREES, METRES, SECONDS = 0.3, 3.0, 0.1

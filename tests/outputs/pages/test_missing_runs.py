@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 def folder(tmp_path):
     """The folder of a flight of three runs, one of which was removed."""
     changes = {"plant": [{"kind": "kinematic"}], "gains": ["paper", "K1", "K2"]}
-    files = ft.record(ft.fly(shortened("paper", 2.0, **changes)), tmp_path / "flight")
+    files = ft.record(ft.fly(shortened("paper", 0.5, **changes)), tmp_path / "flight")
     files.signals["kinematic / K1"].unlink()
     return tmp_path / "flight"
 
@@ -28,9 +28,6 @@ def test_a_report_says_first_that_runs_are_missing_and_ends_with_status_2(folder
     assert out.startswith(f"{sentence}: the rest is about the others.")
     assert err == f"flighttune: {folder}: {sentence}\n"
 
-    out, err = flighttune("report", folder, "--out", page, "-q", status=2)
-    assert (out, err) == ("", f"flighttune: {folder}: {sentence}\n")
-
     answer = json.loads(flighttune("report", folder, "--out", page, "--json", status=2)[0])
     assert answer["missing"] == [f"{folder}: {sentence}"]
     assert answer["summary"][0].startswith(sentence)
@@ -39,7 +36,7 @@ def test_a_report_says_first_that_runs_are_missing_and_ends_with_status_2(folder
 
 def test_a_flight_of_another_time_in_the_folder_is_a_note(folder, tmp_path):
     changes = {"plant": [{"kind": "kinematic"}], "gains": ["paper"], "title": "Other"}
-    ft.record(ft.fly(shortened("paper", 1.0, **changes)), folder, name="other")
+    ft.record(ft.fly(shortened("paper", 0.4, **changes)), folder, name="other")
 
     out, err = flighttune("report", folder, "--out", tmp_path / "page.html", "--json")
 

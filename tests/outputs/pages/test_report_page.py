@@ -7,7 +7,7 @@ import html
 import re
 
 import pytest
-from made_up import run_folder
+from made_up import made_up_scenario, run_folder
 
 import flighttune as ft
 
@@ -40,28 +40,7 @@ def test_the_answer_stands_before_the_first_figure_in_a_hundred_and_five_words(
     assert converges == "Converged: kinematic 2/2, jsbsim:aerosonde 1/2."
 
 
-def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(flown_paper, tmp_path):
-    first, second, *_ = flown_paper.runs  # both of the law
-    why = "roll command 155.7 deg: the law has no value."
-    ended = dataclasses.replace(
-        first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
-    )
-
-    page = ft.report(run_folder(tmp_path / "x", ended, second), tmp_path / "report.html")
-
-    (table,) = (table for table in page.tables if table.name == "convergence")
-    rows = {record["run"]: record for record in table.records}
-    assert list(rows) == [first.label, second.label]
-    assert rows[first.label]["flight"] == "diverged at 0.0 s"
-    assert rows[first.label]["requirements"] == "not flown"
-    # two bounds of each run
-    assert page.summary[0].endswith(
-        "2 of 4 requirements met, 0 missed, 2 not flown; 1 of 2 runs ended early."
-    )
-    assert why in page.path.read_text()
-
-
-def test_words_of_a_scenario_are_text_and_not_markup(flown_paper, tmp_path):
+def test_words_of_a_scenario_are_text_and_not_markup(results, tmp_path):
     wicked = "<script>alert('1')<script> & co"
 
     def named(run):
@@ -69,8 +48,8 @@ def test_words_of_a_scenario_are_text_and_not_markup(flown_paper, tmp_path):
         scenario = {**made.scenario, "title": wicked}
         return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
 
-    runs = tuple(named(run) for run in flown_paper.runs if run.provenance.plant == "kinematic")
-    written = ft.report(run_folder(tmp_path / wicked, *runs), tmp_path / "wicked.html")
+    (run,) = results.of("met").runs
+    written = ft.report(run_folder(tmp_path / wicked, named(run)), tmp_path / "wicked.html")
     text = written.path.read_text()
 
     assert "<script>alert" not in text
@@ -99,8 +78,8 @@ def test_flights_need_no_folder_for_a_page(flown_paper, tmp_path):
         ft.report(flown_paper, tmp_path / "page.html", changes={"seed": 2})
 
 
-def test_gains_from_a_file_are_called_by_their_name(flown_paper, tmp_path):
-    run = flown_paper.runs[0]
+def test_gains_from_a_file_are_called_by_their_name(results, tmp_path):
+    run = results.of("missed").runs[0]
     own = dataclasses.replace(run.provenance, gains_name="mine")
     runs = run, dataclasses.replace(run, provenance=own)
     written = ft.report(run_folder(tmp_path / "runs", *runs), tmp_path / "page.html")
@@ -111,8 +90,8 @@ def test_gains_from_a_file_are_called_by_their_name(flown_paper, tmp_path):
 def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
     """XML forbids them, and a page may be shown by a pager."""
     wicked = "a\x1b[31m\x00title\u202e\x07"
-    short = {"title": wicked, "flight.duration_s": 0.5}
-    page = ft.report(ft.fly(ft.load_scenario("paper", changes=short)), tmp_path / "page.html")
+    flown = ft.fly(made_up_scenario(title=wicked, flight={"duration_s": 0.2}))
+    page = ft.report(flown, tmp_path / "page.html")
 
     text = page.path.read_text(encoding="utf-8")
     assert "title" in text

@@ -93,7 +93,7 @@ def served(recording, started):
     return commands[-1]
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("server", first_or_all(["page", "data"]))
 def test_a_port_that_is_taken_is_one_line(recording, server):
     with socket.socket() as probe:

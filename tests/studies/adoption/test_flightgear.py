@@ -2,11 +2,11 @@
 
 import os
 import re
-from pathlib import Path
 
 import jsbsim
 import numpy as np
 import pytest
+from book_aeroplane import differs, flown_by, found_of, value
 
 import flighttune as ft
 
@@ -134,128 +134,133 @@ def test_what_a_description_includes_is_bounded(stated, size, tmp_path):
         ft.adopt(str(tmp_path / "Tuned/tuned-set.xml"), tmp_path / "mine")
 
 
-C172P = (Path(jsbsim.get_default_root_dir()) / "aircraft/c172p/c172p.xml").read_text("latin-1")
 FACTOR = "<property>tuning/factor</property>"
+PARASITE, DAMPING = "aero/force/parasite", "aero/moment/roll-damping"
+
+
+def apart(axis, name, *factors):
+    """The change of a model that gives an axis a function of its own behind a factor."""
+    product = "".join((FACTOR, *factors))
+    function = f'<function name="{name}"><product>{product}</product></function>'
+    return f'<axis name="{axis}">', f'<axis name="{axis}">{function}'
+
+
+# Of the book's 0.043 and of its damping in roll, what the factor is before.
+DRAG = (
+    (r"(CD_0.)> 0.043 <", r"\1> 0.02 <"),
+    apart("DRAG", PARASITE, "<property>aero/qbar-S</property><value>0.023</value>"),
+)
+ROLL = (
+    (r"(Cl_p.> <value>) -0.51 ", r"\1 0.0 "),
+    apart(
+        "ROLL", DAMPING, "<property>aero/qbar-S-b</property><value>-0.51</value>"
+        "<property>aero/p-hat</property>",
+    ),
+)  # fmt: skip
+TUNING = "<tuning n='0'><factor type='double'>{}</factor></tuning>"
+LEVEL = 0.0232 * (1.48 / 1.6**2) ** 2  # of the drag, which lift induces at 1.6 times the stall
 
 
 @pytest.fixture
-def aircraft(tmp_path):
-    """The c172p of JSBSim with changed texts, a factor on some functions, and descriptions."""
+def aircraft(own, surveyed):
+    """What is found of the book's aeroplane with changes, and with what descriptions state."""
 
-    def write(*functions, sets=(), changes=()):
-        text = C172P
-        for name in functions:
-            part = re.search(rf'<function name="{name}">.*?</function>', text, re.DOTALL)[0]
-            assert "<product>" in part
-            text = text.replace(part, part.replace("<product>", f"<product>{FACTOR}", 1))
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new, 1)
+    def aircraft(*changes, sets=(), parts=(), tops=(), **asked):
+        file = own(*flown_by(parts=parts, tops=tops), *changes)
         for i, values in enumerate(sets):
-            (tmp_path / f"tuned{i or ''}-set.xml").write_text(SET.format("", fdm(values)))
-        (tmp_path / "tuned.xml").write_text(text, "latin-1")
-        return tmp_path / "tuned.xml"
+            text = SET.format("", fdm(values)).replace("tuned", "aerosonde")
+            file.with_name(f"tuned{i or ''}-set.xml").write_text(text)
+        return surveyed(file, **asked)
 
-    return write
-
-
-TUNING = "<tuning n='0'><factor type='double'>{}</factor></tuning>"
-CDO, CLP = "aero/coefficient/CDo", "aero/coefficient/Clp"
+    return aircraft
 
 
-@pytest.fixture(scope="module")
-def glide_of_c172p(surveyed):
-    return surveyed("c172p").glide_ratio
+DEFINED = '<system name="s"><property value="{}">tuning/factor</property></system>'
 
 
-@pytest.mark.slow
-def test_a_factor_that_flightgear_states_is_that_of_the_model(aircraft, surveyed, glide_of_c172p):
-    """With the factor 1 the aircraft is the c172p of the wheel, to the digit."""
-    found = surveyed(aircraft(CDO, sets=[TUNING.format("1.0")]))
+# What a system defines is not overwritten: JSBSim says "Property tuning/factor is already defined."
+@pytest.mark.parametrize(
+    ("asked", "notes"),
+    [
+        ({"sets": [TUNING.format("1.0")]}, ["tuned-set.xml states tuning/factor = 1"]),
+        ({"sets": [TUNING.format(0.25)], "values": {"tuning/factor": 1.0}}, []),
+        ({"sets": [TUNING.format("1.0")], "tops": [DEFINED.format(0.5)]}, None),
+        ({"sets": [TUNING.format("1.0")], "tops": [DEFINED.format(1.0)]}, None),
+    ],
+)
+def test_a_factor_that_flightgear_states_is_that_of_the_model(aircraft, asked, notes):
+    """With the factor 1 the aircraft is the book's."""
+    found = aircraft(*DRAG, *ROLL, **asked)
 
-    assert found.tables["declared"]["tuning/factor"] == 1.0
-    assert found.glide_ratio == glide_of_c172p
-    assert "tuned-set.xml states tuning/factor = 1" in found.notes
-    assert not found.switched_off
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("value", [0.5, 1.0])
-def test_what_a_system_defines_has_the_value_that_is_stated_before_it(
-    aircraft, surveyed, glide_of_c172p, value
-):
-    """JSBSim: "Property tuning/factor is already defined. Its value will not be overridden."."""
-    system = f'<system name="s"><property value="{value}">tuning/factor</property></system>'
-    file = aircraft(
-        CDO, sets=[TUNING.format(1.0)], changes=[("<flight_control", f"{system}<flight_control")]
-    )
-
-    assert surveyed(file).glide_ratio == glide_of_c172p
+    share = (0.02 + LEVEL) / (0.043 + LEVEL)
+    values = found_of() | {"largest_drag": ("aero/force/drag", share)}
+    values["declared"] = {"tuning/factor": 1.0}
+    got = {name: value(found, name) for name in values}
+    assert {name: x for name, x in got.items() if differs(x, values[name])} == {}
+    assert notes in (None, [*found.notes])
 
 
-@pytest.mark.soak
-def test_what_is_set_stands_before_what_is_stated(aircraft, surveyed, glide_of_c172p):
-    file = aircraft(CDO, sets=[TUNING.format(0.25)])
-
-    assert surveyed(file, values={"tuning/factor": 1.0}).glide_ratio == glide_of_c172p
-
-
-@pytest.mark.slow
-def test_a_coefficient_that_a_zero_switches_off_is_named_with_its_weight(aircraft, surveyed):
-    """Without CDo about half of the drag is left: its glide ratio is near twice that of 10.3."""
-    found = surveyed(aircraft(CDO, CLP))
+def test_a_coefficient_that_a_zero_switches_off_is_named_with_its_weight(aircraft):
+    found = aircraft(*DRAG, *ROLL)
 
     (drag, roll) = found.switched_off
-    assert (drag.function, drag.names, drag.axis) == (CDO, ("tuning/factor",), "drag")
-    assert 1.0 - drag.share == pytest.approx(10.26 / found.glide_ratio, abs=0.05)
-    assert (roll.function, roll.axis) == (CLP, "roll moment")
-    assert roll.share > 0.9  # in a roll nothing else acts on it
+    assert (drag.function, drag.names, drag.axis) == (PARASITE, ("tuning/factor",), "drag")
+    assert drag.share == pytest.approx(0.023 / (0.043 + LEVEL), rel=1e-3)
+    assert (roll.function, roll.axis) == (DAMPING, "roll moment")
+    assert roll.share == pytest.approx(1.0, rel=1e-3)  # in a roll nothing else acts on it
     (said,) = (note for note in found.notes if "switches off" in note)
-    assert "tuning/factor of another simulator is 0 and switches off aero/coefficient/CDo" in said
+    assert said.startswith(f"tuning/factor of another simulator is 0 and switches off {PARASITE}")
+    assert f"{DAMPING} (with 1 up to 100 % of the roll moment)" in said
+    assert f"(with 1 up to {drag.share:.0%}".replace("%", " %") in said
     assert "--set tuning/factor=VALUE states it" in said
 
 
-@pytest.mark.soak
-def test_two_zeros_in_a_product_are_both_named(aircraft, surveyed):
-    file = aircraft(CDO, changes=[(FACTOR, f"{FACTOR}<property>/controls/other</property>")])
+def test_two_zeros_in_a_product_are_both_named(aircraft):
+    both = tuple(
+        x.replace(FACTOR, f"{FACTOR}<property>/controls/other</property>") for x in DRAG[1]
+    )
+    found = aircraft(DRAG[0], both)
 
-    (drag,) = surveyed(file).switched_off
+    (drag,) = found.switched_off
     assert drag.names == ("tuning/factor", "/controls/other")
+    (said,) = found.notes
+    assert said.startswith("tuning/factor and /controls/other of another simulator are 0")
+    assert "--set tuning/factor=VALUE states them" in said
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize("how", ["states", "sets"])
-def test_a_zero_that_is_stated_is_no_question(aircraft, surveyed, how):
-    file = aircraft(CDO, sets=[TUNING.format("0")] if how == "states" else [])
-    found = surveyed(file, values={} if how == "states" else {"tuning/factor": 0.0})
+def test_a_zero_that_is_stated_is_no_question(aircraft, how):
+    given = {"sets": [TUNING.format("0")]} if how == "states" else {}
+    found = aircraft(*DRAG, values={} if how == "states" else {"tuning/factor": 0.0}, **given)
 
     assert not found.switched_off
-    assert ("tuned-set.xml states 0 for tuning/factor" in found.notes) == (how == "states")
+    said = ["tuned-set.xml states 0 for tuning/factor"] if how == "states" else []
+    assert [*found.notes] == said
 
 
-@pytest.mark.slow
-def test_values_in_which_descriptions_differ_are_not_taken(aircraft, surveyed):
-    file = aircraft(CDO, sets=[TUNING.format(1), TUNING.format(2) + "<trim-a>3</trim-a>"])
-    (said,) = (note for note in surveyed(file).notes if "switches off" in note)
+def test_values_in_which_descriptions_differ_are_not_taken(aircraft):
+    other = TUNING.format(2) + "<trim-a>3</trim-a>"
+    (said,) = aircraft(*DRAG, sets=[TUNING.format(1), other]).notes
 
+    assert "switches off" in said
     assert "tuned-set.xml and tuned1-set.xml state several values of tuning/factor" in said
 
 
-def test_a_refusal_names_the_zero_that_may_be_its_reason(aircraft, surveyed):
-    file = aircraft("aero/coefficient/CLwbh")
+def test_a_refusal_names_the_zero_that_may_be_its_reason(aircraft):
+    lift = r'(<function name="aero/force/lift">\s*<product>)', rf"\1{FACTOR}"
+    wanted = (
+        "lifts too little: .* tuning/factor, which is of .*: --set tuning/factor=VALUE states it$"
+    )
 
-    with pytest.raises(ft.loop.PlantError, match=r"does not grow .*: --set tuning/factor=VALUE"):
-        surveyed(file)
+    with pytest.raises(ft.loop.PlantError, match=wanted):
+        aircraft(lift)
 
 
-@pytest.mark.slow
-def test_gear_and_flaps_are_in_whatever_a_parked_aircraft_states(aircraft, surveyed):
-    lever = '<system name="s"><channel name="s"><pure_gain name="s/drag"><input>systems/gear-cmd'
-    lever += "</input><gain>1</gain></pure_gain></channel></system><flight_control"
-    parked = "<systems><gear-cmd>1</gear-cmd></systems>"
-    found = surveyed(aircraft(sets=[parked], changes=[("<flight_control", lever)]))
+def test_gear_and_flaps_are_in_whatever_a_parked_aircraft_states(aircraft):
+    lever = '<pure_gain name="s/drag"><input>systems/gear-cmd</input><gain>1</gain></pure_gain>'
+    found = aircraft(sets=["<systems><gear-cmd>1</gear-cmd></systems>"], parts=[lever])
 
-    assert found.tables["declared"]["systems/gear-cmd"] == 0.0
+    assert found.tables["declared"] == {"systems/gear-cmd": 0.0}
     assert "systems/gear-cmd is 0 as in flight, 1 is stated" in found.notes
 
 
@@ -266,16 +271,15 @@ NAMES = (
 
 
 @pytest.mark.slow
-def test_names_are_written_as_jsbsim_takes_them(aircraft, surveyed):
+def test_names_are_written_as_jsbsim_takes_them(aircraft):
     """Each name in the tables leads JSBSim to the node to which the name in the model does."""
-    gauges = "".join(
+    gauges = [
         f'<pure_gain name="fcs/gauge{i}"><input>{name}</input><gain>1</gain></pure_gain>'
         for i, name in enumerate(NAMES)
-    )
-    system = f'<system name="s"><channel name="s">{gauges}</channel></system><flight_control'
-    file = aircraft(changes=[("<flight_control", system)])
+    ]
+    stated = {name: i + 0.123456789 for i, name in enumerate(NAMES)}
 
-    found = surveyed(file, values={name: i + 0.123456789 for i, name in enumerate(NAMES)})
+    found = aircraft(parts=gauges, values=stated)
 
     written = found.tables["declared"]
     tree = jsbsim.FGFDMExec(jsbsim.get_default_root_dir()).get_property_manager()

@@ -8,6 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from book_aeroplane import more, system
 from commands import flighttune
 from places import SHIPPED_AIRCRAFT
 
@@ -243,6 +244,7 @@ COMMANDS = """
 --set no/such=1 | --set no/such: the model must have or read it
 --set a=nan | --set must be NAME=VALUE
 --set =1 | --set must be NAME=VALUE
+--set fcs/flap-cmd-norm | --set must be NAME=VALUE
 --set a[[=1 | --set must be NAME=VALUE
 --V-a nan | `V_a` must be positive, got nan
 --altitude -5 | must be positive
@@ -261,19 +263,19 @@ def test_what_adopt_cannot_be_told_is_refused_in_a_line(row, own, refusal, tmp_p
 
 def test_what_was_told_and_found_is_in_the_draft_of_what_is_refused(own, tmp_path):
     """Its motor does not push, which is found after its levers and the flight control."""
-    told = "--aileron fcs/left-aileron-pos-rad --set fcs/x=0.25 --no-rudder --throttle a/t"
-    parts = "<pure_gain name='a/y'><input>fcs/x</input></pure_gain>"
-    parts += "<pure_gain name='a/u'><input>a/t</input></pure_gain>"
-    file = own(
-        ("</fdm_config>", f"<system name='o'><property>a/t</property><property>fcs/x</property>"
-         f"<channel name='o'>{parts}</channel></system></fdm_config>"), power=0,
-    )  # fmt: skip
+    told = "--aileron fcs/left-aileron-pos-rad --set fcs/x=0.25 --set /a/b=2 --no-rudder"
+    told += " --throttle a/t"
+    reads = [
+        f"<pure_gain name='a/{x[-1]}'><input>{x}</input></pure_gain>" for x in ("fcs/x", "a/t")
+    ]
+    defined = "<system name='o'><property>a/t</property><property>fcs/x</property></system>"
+    file = own(more(defined, system(*reads)), power=0)
 
     flighttune("adopt", file, "--out", tmp_path / "mine", *told.split(), status=1)
 
     text = (tmp_path / "mine/aircraft.toml").read_text()
     draft = tomllib.loads(text)
-    assert draft["settings"]["fcs/x"] == 0.25
+    assert (draft["settings"]["fcs/x"], draft["declared"]["/a/b"]) == (0.25, 2.0)
     assert draft["engines"]["command"] == "a/t"
     assert draft["surfaces"]["aileron"]["command"] == "fcs/left-aileron-pos-rad"
     assert "rudder" not in draft["surfaces"]

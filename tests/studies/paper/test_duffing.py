@@ -4,42 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from flighttune.studies.paper import duffing
 
 ROUNDING = 1e-12
 DIFFERENCE = 1e-6
 DERIVATIVE = 1e-8
-SAME_PATH = 1e-6
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
 PRINTED = duffing.Duffing(alpha=0.5, beta=0.25, delta=1.5)
-X_0, L_D = (1.5, 0.0), 2.5
-
-
-def test_P_of_the_printed_oscillator_is_that_solved_by_hand():
-    assert pytest.approx(np.array([[2.0, 1.0], [1.0, 1.0]]), abs=ROUNDING) == PRINTED.P
-
-
-def test_rate_and_bound_of_the_printed_oscillator_follow_from_the_golden_ratio():
-    rate, radius = PRINTED.bound(L_D)
-    norm_J = math.sqrt((3.5 + math.sqrt(3.5**2 - 4.0 * 0.25)) / 2.0)
-
-    assert rate == pytest.approx(GOLDEN**-2, rel=ROUNDING)
-    assert radius == pytest.approx(2.0 * L_D * norm_J * GOLDEN**4 / GOLDEN**-2, rel=1e-9)
-
-
-@pytest.mark.parametrize("alpha", [0.2, 0.5, 1.5])
-def test_P_is_the_closed_form_of_a_second_order_system(alpha):
-    delta = 1.5
-    p_12 = 1.0 / (2.0 * alpha)
-    p_22 = (1.0 + 2.0 * p_12) / (2.0 * delta)
-    P = [[alpha * p_22 + delta * p_12, p_12], [p_12, p_22]]
-
-    found = duffing.Duffing(alpha=alpha, beta=0.1, delta=delta).P
-
-    assert found == pytest.approx(np.array(P), rel=ROUNDING)
 
 
 @pytest.mark.parametrize("x", [(0.0, 0.0), (1.3, -0.7), (-2.0, 3.0)])
@@ -65,23 +38,6 @@ def test_the_condition_of_the_theorem_ends_where_the_quadratic_says():
     assert duffing.Duffing(alpha=1.0, beta=0.0, delta=1.0).region == math.inf
 
 
-def test_paths_are_those_of_an_independent_integrator():
-    hold, d = 0.1, np.array([[2.5], [-1.0], [0.3], [0.0], [-2.5]])
-
-    x = duffing.paths(PRINTED, X_0, d, hold=hold)[:, 0]
-
-    seen, steps = np.array(X_0), len(x) // len(d)
-    for k, push in enumerate(d[:, 0]):
-        seen = solve_ivp(
-            lambda _, y, push=push: [y[1], -1.5 * y[1] - 0.5 * y[0] - 0.25 * y[0] ** 3 + push],
-            (0.0, hold),
-            seen,
-            rtol=1e-11,
-            atol=1e-12,
-        ).y[:, -1]
-        assert x[(k + 1) * steps] == pytest.approx(seen, abs=SAME_PATH)
-
-
 def test_inside_a_strip_V_decays_at_the_rate_of_the_theorem_for_that_strip():
     case = duffing.DuffingCase(PRINTED, np.zeros((200, 1)))
     f = PRINTED.rates(case.x[:, 0])
@@ -102,34 +58,6 @@ def test_smoothness_alone_proves_the_condition_in_a_smaller_disc():
     assert np.max(apart / np.linalg.norm(x - y, axis=1)) <= PRINTED.smoothness(r)
     assert PRINTED.margin(r) > 0.0
     assert r < PRINTED.region
-
-
-def test_speeds_of_a_case_are_those_of_its_states_and_its_bound_decays_at_half_the_rate():
-    """The rates begin at (0, -1.59375), and P has the eigenvalues of 1/g^2 and g^2."""
-    pushed = np.column_stack([np.full(40, -L_D), np.linspace(0.0, L_D, 40)])
-    case = duffing.DuffingCase(PRINTED, pushed)
-
-    x1, x2 = np.moveaxis(case.x, -1, 0)
-    assert case.norm_f == pytest.approx(np.hypot(x2, -1.5 * x2 - 0.5 * x1 - 0.25 * x1**3))
-    assert case.farthest == -x1[:, 0].min() > x1.max()
-    rate, radius = GOLDEN**-2, PRINTED.bound(L_D)[1]
-    t = np.linspace(0.0, 4.0, len(x1))
-    limit = radius + (1.59375 * GOLDEN - radius) * np.exp(-0.5 * rate * t)
-    assert case.bound_over_time == pytest.approx(limit, rel=1e-9)
-
-
-def test_a_disturbance_along_the_motion_has_the_sign_of_its_speed():
-    pushed = duffing.along_the_motion(PRINTED)[:, 0]
-
-    x = np.array(X_0)
-    for push in pushed[:60]:
-        assert push == (L_D if x[1] > 0.0 else -L_D)
-        held = solve_ivp(
-            lambda _, x, push=push: PRINTED.rates(x) + np.array([0.0, push]), (0.0, 0.1), x,
-            rtol=1e-8, atol=1e-10,
-        )  # fmt: skip
-        x = held.y[:, -1]
-    assert len({*pushed[:60]}) == 2
 
 
 def test_the_slowest_decay_is_that_of_the_poles_over_the_rate_of_the_theorem():

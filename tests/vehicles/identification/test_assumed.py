@@ -5,10 +5,8 @@ import shutil
 
 import pytest
 from commands import answer, flighttune
-from fuzzing import marked
 
 import flighttune as ft
-from flighttune.vehicles.identification import file as model_file
 
 SAID = "Assumed, not measured: n_z of kite follows its command at 4 rad/s."
 
@@ -52,35 +50,42 @@ acts = "adds"
 """
 
 
+def channel(w):
+    """What a file says of a channel behind a first-order lag."""
+    lag = {"order": 1, "natural_frequency_rad_s": w, "damping": None, "lag_s": None, "delay_s": 0.0}
+    return {
+        **lag, "fit_percent": 0.0, "residual": 1.0, "cross": None, "simpler": lag,
+        "bandwidth_rad_s": w,
+    }  # fmt: skip
+
+
+def identified():
+    """A model as a file has it, whose load-factor lag is assumed."""
+    phi, n_z, turned = 5.0, 4.0, -9.80665 / 25.0
+    model = {
+        "states": ["chi", "gamma", "phi", "n_z"],
+        "inputs": ["phi_cmd", "n_z_cmd"],
+        "errors": ["chi", "gamma"],
+        "A": [[0, 0, turned, 0], [0, 0, 0, turned], [0, 0, -phi, 0], [0, 0, 0, -n_z]],
+        "B": [[0, 0], [0, 0], [phi, 0], [0, n_z]],
+        "C": [[1, 0, 0, 0], [0, 1, 0, 0]],
+    }
+    log = {
+        "logs": ["kite"], "assumed": ["n_z"], "frequency_95_rad_s": {}, "delay_95_s": {},
+        "stretches": {"phi": 3}, "phi_deg": [-45.0, 45.0], "phi_rate_dps": 60.0,
+        "n_z": [0.5, 1.9], "n_z_rate_per_s": 1.5, "residual_rad_s": None, "residual_stretches": 0,
+    }  # fmt: skip
+    condition = {"V_a_mps": 25.0, "gamma_deg": 0.0, "h_m": 500.0, "model": model}
+    condition["channels"] = {"phi": channel(phi), "n_z": channel(n_z)}
+    made = {"format": "flighttune identified aircraft 1", "aircraft": "kite", "seed": 0}
+    return json.dumps(made | {"log": log, "conditions": [condition]})
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A model whose load-factor lag is assumed, scenarios that rest on it, and what is made."""
+    """A model whose load-factor lag is assumed, and scenarios that rest on it."""
     folder = tmp_path_factory.mktemp("assumed")
-    lags = {"phi": 5.0, "n_z": 4.0}
-    channels = {
-        name: model_file.IdentifiedChannel.of(
-            ft.loop.InnerLag(order=1, natural_frequency=w), fit_percent=0.0, residual=1.0
-        )
-        for name, w in lags.items()
-    }
-    condition = model_file.IdentifiedCondition.model_construct(
-        V_a=25.0, gamma=0.0, h=500.0, channels=channels
-    )
-    evidence = model_file.LogEvidence.model_construct(
-        logs=("kite",),
-        assumed=("n_z",),
-        frequency_95_rad_s={},
-        delay_95_s={},
-        stretches={"phi": 3},
-        phi_deg=(-45.0, 45.0),
-        phi_rate_dps=60.0,
-        n_z=(0.5, 1.9),
-        n_z_rate_per_s=1.5,
-    )
-    model = model_file.IdentifiedAircraft.model_construct(
-        aircraft="kite", conditions=(condition,), log=evidence
-    )
-    model.save(folder / "mine.json")
+    (folder / "mine.json").write_text(identified())
     # Whole paths: worker processes may have begun in another folder.
     named = f'identified = "{(folder / "mine.json").as_posix()}"'
     own = f'kind = "point_mass_lag"\n{named}'
@@ -89,13 +94,23 @@ def folder(tmp_path_factory):
     (folder / "flown.toml").write_text(TURN.format(tuning=named, plant=aerosonde))
     for name in ("own", "flown"):
         (folder / f"{name}_all.toml").write_text(CAMPAIGN.format(scenario=f"{name}.toml"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(folder):
+    """What rests on them: runs, gains and a proof."""
     flighttune("fly", "own.toml", "--out", "runs", cwd=folder)
     flighttune("tune", "own.toml", "--out", "gains.json", cwd=folder)
     flighttune("certify", "own.toml", "--out", "proof.json", cwd=folder)
+
+
+@pytest.fixture(scope="module")
+def counted(folder):
+    """And rows of a campaign and a band."""
     flighttune("campaign", "own_all.toml", "--out", "rows", cwd=folder)
     band = f"band own.toml --start-deg 1 --out own.npz {COUNTED}"
     flighttune(*band.split(), cwd=folder)
-    return folder
 
 
 COMMANDS = {
@@ -137,12 +152,19 @@ PAGES = {
 }
 
 
-@pytest.mark.slow
+QUICK, LONGER = ("identified",), ("exported", "gap", "page of a campaign", "page of a band")
+MARKS = dict.fromkeys(QUICK, pytest.mark.slow) | dict.fromkeys(LONGER, pytest.mark.soak)
+
+
 @pytest.mark.parametrize(
-    "kind", marked(COMMANDS, pytest.mark.soak, but=("identified", "tuned", "met", "exported"))
+    "kind", [pytest.param(x, marks=MARKS.get(x, pytest.mark.counts)) for x in COMMANDS]
 )
-def test_what_rests_on_an_assumption_says_so(kind, folder):
+def test_what_rests_on_an_assumption_says_so(kind, folder, request):
     arguments = COMMANDS[kind].split()
+    if kind not in QUICK:
+        request.getfixturevalue("made")
+    if "page of a" in kind:
+        request.getfixturevalue("counted")
     if kind == "flights compared":
         shutil.copytree(folder / "runs", folder / "again2", dirs_exist_ok=True)
 
@@ -154,7 +176,7 @@ def test_what_rests_on_an_assumption_says_so(kind, folder):
 
 
 @pytest.mark.slow
-def test_files_carry_it(folder, tmp_path):
+def test_files_carry_it(folder, made, tmp_path):
     assert SAID in json.loads((folder / "gains.json").read_text())["tuned_for"]["assumed"]
     assert SAID in json.loads((folder / "proof.json").read_text())["assumed"]
     moved = shutil.copytree(folder / "runs", tmp_path / "runs")

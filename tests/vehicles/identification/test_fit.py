@@ -24,53 +24,32 @@ def commands(seed=2):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "lag",
-    [
-        ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.07),
-        ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033),
-    ],
-    ids=["first order", "second order"],
-)
-def test_the_lag_that_made_the_data_is_found(lag):
+def test_the_lag_that_made_the_data_is_found():
     commanded = commands()
+    lag = ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033)
 
     found, share = fitted_lag(T, commanded, lag_response(lag, DT, commanded, commanded[0]))
 
     assert found.order == lag.order
     assert found.natural_frequency == pytest.approx(lag.natural_frequency, rel=RECOVERED)
     assert found.delay == pytest.approx(lag.delay, rel=RECOVERED)
-    if lag.order == 2:
-        assert found.damping == pytest.approx(lag.damping, rel=RECOVERED)
+    assert found.damping == pytest.approx(lag.damping, rel=RECOVERED)
     assert share == pytest.approx(100.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-@pytest.mark.parametrize("delay", [0.0, 0.02, 0.033, 0.0056])
-@pytest.mark.slow
+@pytest.mark.parametrize(("order", "delay"), [(1, 0.02), (2, 0.0056), (3, 0.033)])
 def test_a_lag_answers_held_commands_as_scipy_has_it(order, delay):
     """Delays are whole steps of 0.2 ms, over which SciPy's answer to held commands is exact."""
     lag = ft.loop.InnerLag(order=order, natural_frequency=6.0, damping=0.4, lag=0.15, delay=delay)
     poles = [1.0, 6.0] if order == 1 else [1.0, 2.0 * 0.4 * 6.0, 36.0]
     over = np.polymul(poles, [0.15, 1.0] if order == 3 else [1.0])
-    commanded, fine, start = commands()[:300], 100, 0.7
+    commanded, fine, start = commands()[:150], 100, 0.7
     late = np.repeat(commanded - start, fine)
     late = np.concatenate([np.zeros(round(delay / DT * fine)), late])[: len(late)]
     system = cont2discrete(tf2ss([poles[-1]], over), DT / fine, "zoh")
     expected = start + dlsim(system, late[:, None])[1][::fine, 0]
 
     assert lag_response(lag, DT, commanded, start) == pytest.approx(expected, abs=1e-9)
-
-
-def test_noise_is_not_told_by_a_lag():
-    lag, commanded = ft.loop.InnerLag(order=1, natural_frequency=6.0), commands()
-    clean = lag_response(lag, DT, commanded, commanded[0])
-    noise = np.random.default_rng(3).normal(scale=0.5 * np.std(clean), size=len(T))
-
-    _, share = fitted_lag(T, commanded, clean + noise - noise[0], lag=lag)
-
-    told = 100.0 * (1.0 - np.mean((noise - noise[0]) ** 2) / np.var(clean + noise))
-    assert share == pytest.approx(told, abs=5.0)
 
 
 def test_a_channel_that_was_not_commanded_shows_no_lag():
@@ -85,76 +64,6 @@ def test_a_channel_that_was_not_commanded_shows_no_lag():
 
 
 ROLL = ft.loop.InnerLag(order=2, natural_frequency=7.0, damping=0.6, delay=0.02)
-LIFT = ft.loop.InnerLag(order=1, natural_frequency=11.0, delay=0.05)
-# Answers of the load factor to roll commands, and of roll to those of the load factor.
-CROSS = 0.1, -0.05
-# Every third multiple of the period for each channel, beside those of the other.
-EACH = np.arange(6, 60, 6), np.arange(9, 63, 6)
-
-
-def spectrum_of(lines, seed):
-    """A periodic signal with these lines, of random phases."""
-    found = np.zeros(fit.SAMPLES // 2 + 1, dtype=complex)
-    found[lines] = np.exp(2j * np.pi * np.random.default_rng(seed).random(len(lines)))
-    return found
-
-
-@pytest.mark.parametrize("also", [0.0, 0.2])
-def test_responses_of_channels_are_their_own_and_what_is_left_of_the_other(also):
-    """Commands are held for a sample, and those of a channel may have lines of the other too."""
-    first, second = (spectrum_of(lines, seed) for seed, lines in enumerate(EACH))
-    second = second + also * first
-    omega = 2.0 * np.pi * np.arange(len(first)) / fit.PERIOD
-    s = 1j * np.maximum(omega, 1e-9)
-    held = (1.0 - np.exp(-s * fit.DT)) / (s * fit.DT)
-    answers = [
-        held * (ROLL.response(omega) * first + CROSS[1] * second),
-        held * (LIFT.response(omega) * second + CROSS[0] * first),
-    ]
-    signals = (
-        np.fft.irfft(np.column_stack(x), fit.SAMPLES, axis=0) for x in ((first, second), answers)
-    )
-
-    roll, lift = fit.frequency_responses(tuple(signals), EACH)
-
-    at_roll, at_lift = omega[EACH[0]], omega[EACH[1]]
-    assert roll.omega == pytest.approx(at_roll)
-    assert roll.own == pytest.approx(ROLL.response(at_roll) + also * CROSS[1], abs=1e-9)
-    assert lift.own == pytest.approx(LIFT.response(at_lift), abs=1e-9)
-    # what a channel answers to lines of its own command is interpolated between its lines
-    assert roll.other[1:] == pytest.approx(np.full(len(at_roll) - 1, CROSS[0]), abs=2e-3)
-    assert lift.other == pytest.approx(np.full(len(at_lift), CROSS[1]), abs=1e-9)
-
-
-def test_one_channel_alone_has_no_other():
-    first = spectrum_of(EACH[0], 0)[:, None]
-    signal = np.fft.irfft(first, fit.SAMPLES, axis=0)
-
-    (only,) = fit.frequency_responses((signal, 0.5 * signal), EACH[:1])
-
-    assert only.other is None
-    assert np.abs(only.own) == pytest.approx(0.5, rel=0.1)
-
-
-def test_orders_of_lags_are_ranked_by_bayes_information_criterion():
-    """Schwarz: N log(rss / N) + k log N, of 2 numbers a line and one parameter more for a delay."""
-    omega = np.geomspace(0.5, 30.0, 25)
-    noise = np.random.default_rng(1).normal(scale=0.01, size=(2, 25))
-    response = fit.FrequencyResponse(
-        omega=omega, own=ROLL.response(omega) + noise[0] + 1j * noise[1], other=None
-    )
-
-    found = fit.candidates(response)
-
-    assert found[0].lag.order == 2
-    assert found[0].lag.natural_frequency == pytest.approx(ROLL.natural_frequency, rel=0.02)
-    assert sorted(lag.lag.order for lag in found) == [1, 2, 3]
-    assert [lag.bic for lag in found] == sorted(lag.bic for lag in found)
-    for lag in found:
-        gap = np.abs(lag.lag.response(omega) - response.own)
-        assert lag.residual == pytest.approx(math.sqrt(np.mean(gap**2)), rel=1e-6)
-        bic = 50.0 * math.log(np.sum(gap**2) / 50.0) + (lag.lag.order + 1) * math.log(50.0)
-        assert lag.bic == pytest.approx(bic, rel=1e-6)
 
 
 def limits(upper=(0.8, 2.5), rates=(1.2, 4.0)):
@@ -162,33 +71,6 @@ def limits(upper=(0.8, 2.5), rates=(1.2, 4.0)):
     return ft.loop.Limits(
         lower=[-0.6, -1.0], upper=[*upper], rate_lower=[-2.0, -3.0], rate_upper=[*rates]
     )
-
-
-def test_multisines_are_as_large_as_the_limits_allow_on_lines_of_their_own():
-    """40 % of the room and 80 % of the slower rate: 0.24 and 0.6, 0.96 and 2.4 per second."""
-    changes, lines = fit.multisines(limits(), seed=3)
-
-    t = np.arange(2000) * 0.01
-    assert changes.shape == (2000, 2)
-    for signal, line, peak, rate in zip(changes.T, lines, (0.24, 0.6), (0.96, 2.4), strict=True):
-        # from one sample to the next, the last one to the first
-        used = max(
-            np.abs(signal).max() / peak,
-            np.abs(np.diff(signal, append=signal[0])).max() / 0.01 / rate,
-        )
-        assert used == pytest.approx(1.0)
-        sizes = np.abs(np.fft.rfft(signal)) / (len(t) / 2)
-        assert sizes[line] * np.sqrt(line) == pytest.approx(
-            np.full(len(line), sizes[line[0]] * math.sqrt(line[0]))
-        )
-        assert np.delete(sizes, line).max() < 1e-12
-    together = np.sort(np.concatenate(lines))
-    # 0.3 to 20 rad/s are 1 to 64 periods in 20 s, interleaved
-    assert (together[0], together[-1], len(together)) == (1, 64, len({*together.tolist()}))
-    assert [x in lines[0] for x in together] == [i % 2 == 0 for i in range(len(together))]
-    grid = np.geomspace(0.3, 20.0, 30) * 20.0 / math.tau
-    assert np.abs(grid[:, None] - together).min(axis=1).max() <= 0.5
-    assert not np.array_equal(changes, fit.multisines(limits(), seed=4)[0])
 
 
 @pytest.mark.parametrize(
@@ -207,33 +89,6 @@ def test_limits_without_room_about_level_flight_are_refused(bad, message):
         return
     with pytest.raises(ft.InputError, match=message):
         fit.command_room(limits(**bad))
-
-
-def test_the_manoeuvre_for_validation_is_3_2_1_1_steps_of_each_channel():
-    """Units of 0.9 and 0.8 s from 1 and 2.3 s on, 80 % of the room as fast as the rates allow."""
-    found = fit.check_manoeuvre(limits(rates=(1e3, 1e3)))
-
-    t = np.arange(1200) * 0.01
-    for signal, start, unit, size, rate in zip(
-        found.T, (1.0, 2.3), (0.9, 0.8), (0.24, 0.6), (0.8 * 2.0, 0.8 * 3.0), strict=True
-    ):
-        units = (t - start) / unit
-        levels = np.select(
-            [units < 0, units < 3, units < 5, units < 6, units < 7], [0, 1, -1, 1, -1], 0
-        )
-        assert np.abs(np.diff(signal)).max() == pytest.approx(rate * 0.01)
-        ahead = np.abs(np.diff(levels, prepend=0)).nonzero()[0]
-        # half a second after each change it is reached
-        reached = np.ones(len(t), dtype=bool)
-        for k in ahead:
-            reached[k : k + 50] = False
-        assert signal[reached] == pytest.approx(0.8 * size * levels[reached], abs=1e-12)
-
-
-def test_a_command_is_ramped_up_and_down_at_its_rate():
-    found = fit.ramped(np.array([0.0, 0.03, 0.03, 0.03, -1.0, -1.0, 0.0]), 2.0)
-
-    assert found == pytest.approx([0.0, 0.02, 0.03, 0.03, 0.01, -0.01, 0.0])
 
 
 def test_an_excitation_that_ends_the_flight_is_halved_up_to_three_times():
@@ -255,51 +110,6 @@ def test_an_excitation_that_ends_the_flight_is_halved_up_to_three_times():
     bound = 0.9
     with pytest.raises(ft.loop.PlantError, match=r"even at 0\.125 of its size: too much"):
         respond()
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_lag_is_that_of_its_parameters(order):
-    shape = {"damping": 0.4} if order > 1 else {}
-    shape |= {"lag": 0.3} if order > 2 else {}
-    lag = ft.loop.InnerLag(order=order, natural_frequency=6.0, delay=0.1, **shape)
-
-    found = fit.parameters(lag)
-
-    logs = [math.log(6.0), 0.1, math.log(0.4), math.log(0.3)][: order + 1]
-    assert found == pytest.approx(logs)
-    again = fit.with_parameters(found, order)
-    assert fit.parameters(again) == pytest.approx(logs)
-    assert again.order == order
-    assert fit.with_parameters(found * [1.0, -1.0, 1.0, 1.0][: order + 1], order).delay == 0.0
-
-
-@pytest.mark.parametrize(("other", "cross"), [(None, None), ([0.1j, -0.3, 0.2], 0.3)])
-def test_the_channel_of_a_file_has_the_chosen_lag_and_the_best_that_is_simpler(other, cross):
-    """The channel begins at rest, at 0.3 for a command of 0.5."""
-    third = ft.loop.InnerLag(order=3, natural_frequency=6.0, damping=0.4, lag=0.15)
-    commanded = 0.5 + commands() - commands()[0]
-    channel = fit.ChannelIdentification(
-        frequency=fit.FrequencyResponse(np.ones(3), np.ones(3), other and np.array(other)),
-        candidates=tuple(fit.LagCandidate(lag, 0.02, 0.0) for lag in (third, ROLL, LIFT)),
-        commanded=commanded,
-        flown=0.3 + lag_response(third, fit.DT, commanded, 0.5) - 0.5,
-    )
-
-    table = channel.table
-
-    assert channel.fit == pytest.approx(channel.flown, abs=1e-12)
-    assert (table.lag, table.simpler.lag) == (third, ROLL)
-    assert (table.fit_percent, table.residual) == pytest.approx((100.0, 0.02))
-    assert table.cross == cross
-
-
-def test_the_percentage_explained_is_of_the_variance():
-    measured = np.array([1.0, 3.0, 1.0, 3.0])
-
-    assert fit.fit_percent(measured, measured) == 100.0
-    assert fit.fit_percent(measured, measured + 0.5) == 75.0  # a quarter of a variance of 1
-    assert fit.fit_percent(measured, 2.0 * measured) == pytest.approx(100.0 * (1.0 - 5.0))
-    assert fit.fit_percent(np.ones(3), np.ones(3)) == -math.inf
 
 
 class Thrusted:

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from commands import flighttune
 from places import SHIPPED_AIRCRAFT
+from published_aerosonde import accelerations
 from scipy import signal
+from scipy.optimize import fsolve
 
 import flighttune as ft
 
@@ -25,8 +27,8 @@ STEP = {"phi": (0.9, 1.0), "n_z": (0.8, 2.3)}
 
 @pytest.fixture(scope="module")
 def made():
-    """The Aerosonde, identified at two airspeeds."""
-    return ft.identify("aerosonde", V_a=[22.0, 25.0])
+    """The Aerosonde, identified at two airspeeds and asked for one at which it cannot turn."""
+    return ft.identify("aerosonde", V_a=[22.0, 15.2, 25.0])
 
 
 def channels(made):
@@ -159,15 +161,11 @@ def test_a_response_is_that_to_a_sine_of_its_frequency(made, name):
 
 
 @pytest.mark.slow
-def test_an_identification_says_its_conditions_its_modes_and_what_it_skips(tmp_path):
-    made = ft.identify("aerosonde", V_a=[25.0, 15.2])
-
+def test_an_identification_says_its_conditions_and_what_it_skips(made, tmp_path):
     (skipped,) = made.skipped
     assert "15.2 m/s" in skipped
-    assert [x.V_a for x in made.identified.conditions] == [25.0]
-    assert made.place == "aerosonde at 25 m/s, 0 deg"
-    names = [motion["name"] for motion in made.modes]
-    assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
+    assert [x.V_a for x in made.identified.conditions] == [22.0, 25.0]
+    assert made.place == "aerosonde at 22 m/s, 0 deg"
     files = made.save(tmp_path / "model.json")
     again = ft.loop.load_identified(tmp_path / "model.json")
     assert {x.suffix for x in files.values() if x} == {".svg", ".json"}
@@ -175,6 +173,45 @@ def test_an_identification_says_its_conditions_its_modes_and_what_it_skips(tmp_p
         again.conditions[0].lags, made.identified.conditions[0].lags, strict=True
     ):
         assert one.natural_frequency == pytest.approx(other.natural_frequency, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_modes_are_those_of_the_published_equations(made):
+    """Eigenvalues of the motion of body velocities, rates, roll and pitch about a trim."""
+
+    def rates(x, controls):
+        velocity, turn, (phi, theta) = x[:3], x[3:6], x[6:]
+        V_a = math.hypot(*velocity)
+        angles = math.atan2(velocity[2], velocity[0]), math.asin(velocity[1] / V_a)
+        linear, angular = accelerations(V_a, *angles, turn, controls[:3], controls[3])
+        up = [-math.sin(theta), *(math.cos(theta) * f(phi) for f in (math.sin, math.cos))]
+        p, q, r = turn
+        level = q * math.sin(phi) + r * math.cos(phi)
+        attitude = p + math.tan(theta) * level, q * math.cos(phi) - r * math.sin(phi)
+        linear = linear + 9.80665 * np.array(up) - np.cross(turn, velocity)
+        return np.array([*linear, *angular, *attitude])
+
+    def at(unknowns):
+        alpha, elevator, throttle = unknowns
+        u, w = 22.0 * math.cos(alpha), 22.0 * math.sin(alpha)
+        return np.array([u, 0, w, 0, 0, 0, 0, alpha]), np.array([0, elevator, 0, throttle])
+
+    trim = at(fsolve(lambda x: rates(*at(x))[[0, 2, 4]], (0.08, -0.1, 0.2)))
+    step = 1e-5 * np.eye(8)
+    A = [rates(trim[0] + x, trim[1]) - rates(trim[0] - x, trim[1]) for x in step]
+    every = np.linalg.eigvals(np.array(A).T / 2e-5)
+
+    found = {motion["name"]: motion for motion in made.modes}
+    assert [*found] == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
+    for motion in made.modes:
+        value = complex(*motion["eigenvalue_per_s"])
+        assert np.abs(every - value).min() < 5e-3 * max(abs(value), 0.3), motion
+        assert motion["natural_frequency_rad_s"] == pytest.approx(abs(value))
+        assert motion["damping"] == pytest.approx(-value.real / abs(value))
+    assert sum(1 + bool(m["eigenvalue_per_s"][1]) for m in made.modes) == 8
+    fast = [found[name]["natural_frequency_rad_s"] for name in found]
+    assert fast[0] > fast[1]
+    assert fast[3] > fast[4]
 
 
 @pytest.mark.soak

@@ -29,7 +29,7 @@ def filtered_sd(density, rate, cutoff):
 
 @pytest.mark.parametrize(("rate", "cutoff"), [(RATE, 30.0), (50.0, 20.0)])
 def test_noise_is_white_noise_behind_the_filter_of_an_autopilot(rate, cutoff):
-    n = 100_000
+    n = 30_000
     drawn = inertial_errors(standard(), n, rate)
 
     expected = [filtered_sd(x, rate, cutoff) for x in [GYRO] * 3 + [ACCELEROMETER] * 3]
@@ -41,12 +41,12 @@ def test_noise_is_white_noise_behind_the_filter_of_an_autopilot(rate, cutoff):
 def test_biases_have_their_deviations():
     """Of the gyros what a Kalman filter with EKF2's gains leaves of their random walk."""
     means = np.array(
-        [inertial_errors(standard(seed), 2000, RATE).mean(axis=0) for seed in range(400)]
+        [inertial_errors(standard(seed), 800, RATE).mean(axis=0) for seed in range(100)]
     )
 
     sd = means.std(axis=0)
     within = FOUR_SIGMA / math.sqrt(2.0 * len(means))
-    noise = filtered_sd(ACCELEROMETER, RATE, 30.0) / math.sqrt(2000 / 5)
+    noise = filtered_sd(ACCELEROMETER, RATE, 30.0) / math.sqrt(800 / 5)
     assert sd[3:] == pytest.approx([math.hypot(0.011, noise)] * 3, rel=within)
     assert (np.abs(means.mean(axis=0)) < FOUR_SIGMA * sd / math.sqrt(len(means))).all()
     assert (sd[:3] < math.radians(0.1)).all()
@@ -63,10 +63,16 @@ def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_sho
     assert len({*long[500]}) == 6
 
 
+FED = {
+    "name": "fed", "law": "exact", "K_P": [[2.87, 0.0], [0.0, 2.51]],
+    "K_I": [[1.16, 0.0], [0.0, 0.948]], "feedback": [0.43, 0.306],
+}  # fmt: skip
+
+
 def flown(navigation, rate_hz=50.0):
     made = ft.load_scenario("level_turn").as_dict()
     made["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
-    made |= {"law": "exact", "gains": ["tuned_fed_back"], "expect": [], "navigation": navigation}
+    made |= {"law": "exact", "gains": [FED], "expect": [], "navigation": navigation}
     made["controller"] = made.get("controller", {}) | {"rate_hz": rate_hz}
     (run,) = ft.fly(ft.scenario_from(made)).runs
     assert run.status == "completed", run.reason

@@ -21,15 +21,13 @@ from flighttune.base.errors import InputError, PlantError, ending_of
 from flighttune.base.files.budget import XML, file_bytes
 from flighttune.base.files.shipped import is_trusted
 from flighttune.base.files.whole import scratch_folder, scratch_place
+from flighttune.base.files.xml import CONNECTIONS, found_file, parts_of, read_xml
 from flighttune.base.units import FT
 from flighttune.vehicles.aircraft import model_xml
 from flighttune.vehicles.aircraft.aircraft import AXES, AircraftConfig, OffNominal
-from flighttune.vehicles.aircraft.model_xml import COEFFICIENT, MassBalance, found_file, read_xml
+from flighttune.vehicles.aircraft.model_xml import COEFFICIENT, MassBalance
 
 MODEL_FILE = "`model` must be a file of JSBSim's"
-
-# Elements by which JSBSim opens files and sockets on its first evaluation.
-CONNECTIONS = ("output", "input")
 
 # Names by which JSBSim knows the folder of engines.
 ENGINE_FOLDERS = ("Engines", "engines", "Engine", "engine")
@@ -156,8 +154,7 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
             continue
         root = read_xml(file, str(file)) if files else main_root(config)
         files.append(file)
-        names = (element.get("file") for element in root.iter() if element.tag not in CONNECTIONS)
-        parts = (found_file(name, folders.parts, file) for name in names if name)
+        parts = parts_of(root, folders.parts, file)
         pending += [part for part in parts if os.path.isfile(part)]
     return tuple(files)
 

@@ -109,21 +109,29 @@ def test_no_number_and_jsbsim_giving_up_stop_the_flight(changed_aircraft, compon
 
 
 @pytest.mark.parametrize(
-    ("key", "interval", "reason"),
+    ("key", "interval", "n_z", "reason"),
     [
-        ("alpha_deg", "[-14.0, 6.0]", r"alpha must stay inside -14 to 6 deg, got 6\.\d+ deg\."),
-        ("V_a_mps", "[24.9, 45.0]", r"V_a must stay inside 24.9 to 45 m/s, got 24\.\d+ m/s\."),
-        ("n_z", "[-3.0, 1.5]", r"n_z must stay inside -3 to 1.5, got 1\.5\d*\."),
+        ("alpha_deg", "[-14, 6]", 1.8, r"alpha must stay inside -14 to 6 deg, got 6\.\d+ deg"),
+        ("alpha_deg", "[2, 16]", 0.2, r"alpha must stay inside 2 to 16 deg, got 1\.\d+ deg"),
+        ("V_a_mps", "[24.9, 45]", 1.8, r"V_a must stay inside 24.9 to 45 m/s, got 24\.\d+ m/s"),
+        (
+            "V_a_mps", "[15, 26]", 0.2,
+            r"V_a must stay inside 15 to 26 m/s, got 26\.\d+ m/s, with the throttle closed",
+        ),
+        ("n_z", "[-3, 1.5]", 1.8, r"n_z must stay inside -3 to 1.5, got 1\.5\d*"),
+        ("n_z", "[0.6, 3]", 0.2, r"n_z must stay inside 0.6 to 3, got 0\.[56]\d*"),
+        ("theta_deg", "[-80, 8]", 1.8, r"theta must stay inside -80 to 8 deg, got 8\.\d+ deg"),
+        ("theta_deg", "[-3, 80]", 0.2, r"theta must stay inside -3 to 80 deg, got -3\.\d+ deg"),
     ],
-)
-def test_leaving_the_envelope_ends_the_flight(fly, changed_aircraft, key, interval, reason):
+)  # fmt: skip
+def test_leaving_the_envelope_ends_the_flight(fly, changed_aircraft, key, interval, n_z, reason):
     pattern = rf"(?m)^{key}(\s*)= \[[^]]*\]"
     folder = changed_aircraft("aircraft.toml", pattern, rf"{key}\1= {interval}")
 
-    flight = fly((0.0, 1.8), aircraft=folder, duration=3.0)
+    flight = fly((0.0, n_z), aircraft=folder, duration=5.0)
 
     assert flight.stop.status == "left_envelope"
-    assert re.fullmatch(rf"t = [012]\.\d\d\d s: {reason}", flight.stop.reason)
+    assert re.fullmatch(rf"t = [0-4]\.\d\d\d s: {reason}\.", flight.stop.reason)
 
 
 def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):

@@ -62,8 +62,11 @@ def test_the_centre_of_gravity_moves_and_the_mass_stays():
 
     moved = after.reader("inertia/cg-x-in")() - before.reader("inertia/cg-x-in")()
     assert moved * 0.0254 == pytest.approx(0.025, rel=1e-9)
-    weights = [fdm.reader("inertia/weight-lbs")() for fdm in (before, after, flown(1)[1])]
-    assert weights == pytest.approx([weights[2]] * 3, rel=1e-9)
+    # before it moves the part that slides changes nothing
+    for name in ("weight-lbs", *(f"i{x}-slugs_ft2" for x in ("xx", "yy", "zz", "xz"))):
+        values = [fdm.reader(f"inertia/{name}")() for fdm in (before, flown(1)[1], after)]
+        assert values[:2] == pytest.approx(values[1:2] * 2, rel=1e-9)
+        assert (values[2] == pytest.approx(values[1], rel=1e-9)) == (name[:2] in ("we", "ix"))
 
 
 def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said():
@@ -72,6 +75,25 @@ def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said()
 
     _, fdm = flown(11, actuator_lag_factor=4.0)
     assert fdm.reader("ft/fault/actuator_rate")() == 25.0 / 4.0
+
+
+@pytest.mark.parametrize("ended_by", ["cut", "thrust"])
+def test_an_end_closes_the_throttle_and_a_cut_moves_what_is_not_stuck_to_its_stop(ended_by):
+    ended = {"ended_s": 0.3, "ended_by": ended_by}
+    rows, _ = flown(17, aileron_stuck_deg=5.0, **ended)
+    free, _ = flown(17, V_a_bias_mps=0.1, **ended)
+
+    assert rows[14]["thrust"] > 5.0
+    assert rows[-1]["thrust"] == free[-1]["thrust"] == 0.0
+    # up is negative; stops of aircraft/aerosonde/aircraft.toml
+    stops = {"aileron": 25.0, "elevator": -25.0, "rudder": 25.0}
+    for name, stop in stops.items():
+        at = [math.degrees(of[-1][name]) for of in (rows, free)]
+        stuck = 5.0 if name == "aileron" else stop
+        if ended_by == "cut":
+            assert at == pytest.approx([stuck, stop])
+        else:
+            assert max(map(abs, at)) < 20.0
 
 
 @pytest.mark.parametrize("factor", [1.5, 2.0])

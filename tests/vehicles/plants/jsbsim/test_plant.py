@@ -5,10 +5,12 @@ import threading
 
 import numpy as np
 import pytest
+from airframes import blowing
 
 import flighttune as ft
 
 DEG = math.pi / 180.0
+FT, LBF, G = 0.3048, 4.4482216152605, 9.80665
 
 
 def test_signals_begin_with_the_common_ones():
@@ -34,6 +36,50 @@ def test_chi_runs_on_through_south_without_a_jump(fly):
     assert flight["chi"][-1] > 180.0 * DEG
     assert np.max(np.abs(np.diff(flight["chi"]))) < 1.0 * DEG
     assert np.max(np.abs(np.diff(flight["psi"]))) < 1.0 * DEG
+
+
+@pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0)])
+def test_signals_are_those_of_jsbsim_in_si_and_of_its_forces(name, V_a):
+    plant = ft.loop.JSBSimPlant(
+        name, ground=300.0, shows_n_x=True, weather=blowing((3.0, -2.0, 0.5)), seed=1
+    )
+    plant.start(ft.loop.FlightCondition(V_a=V_a, h=900.0, chi=2.0, phi=0.2))
+    for _ in range(20):
+        plant.advance(0.5, 1.3, 0.02)
+
+    seen = dict(zip(plant.signals, plant.observe(), strict=True))
+
+    def read(name):
+        return plant.fdm.reader(name)()
+
+    angles = {"chi": "flight-path/psi-gt-rad", "gamma": "flight-path/gamma-rad"}
+    angles |= {"alpha": "aero/alpha-rad", "beta": "aero/beta-rad", "throttle": "ft/throttle-norm"}
+    angles |= {f"{name}": f"attitude/{name}-rad" for name in ("phi", "theta", "psi")}
+    angles |= {name: f"velocities/{name}-rad_sec" for name in "pqr"}
+    angles |= {name: f"ft/{name}-rad" for name in ("aileron", "elevator", "rudder")}
+    feet = {"V_a": "velocities/vt-fps", "V_g": "velocities/vg-fps"}
+    feet |= {f"wind_{name}": f"atmosphere/total-wind-{name}-fps" for name in WIND}
+    feet |= {x: f"position/from-start-neu-{x[0]}-ft" for x in ("north", "east")}
+    expected = {x: read(name) for x, name in angles.items()}
+    expected |= {x: FT * read(name) for x, name in feet.items()}
+    height = FT * read("position/h-sl-ft")
+    expected |= {"h": height + 300.0, "down": 900.0 - 300.0 - height}
+    x, y, z = (LBF * read(f"forces/fb{axis}-total-lbs") for axis in "xyz")
+    weight = read("inertia/mass-slugs") * LBF / FT * G
+    a, b = seen["alpha"], seen["beta"]
+    ahead = (x * math.cos(a) + z * math.sin(a)) * math.cos(b) + y * math.sin(b)
+    expected |= {"n_z": (x * math.sin(a) - z * math.cos(a)) / weight, "n_y": y / weight}
+    expected |= {"n_x": ahead / weight, "thrust": LBF * read("propulsion/engine/thrust-lbs")}
+    # what the inner loop sees, and as much more as the throttle has to its stops
+    per_n_x, lever = read("ft/gains/speed/k_gamma"), seen["throttle"]
+    low, high = plant.config.engines.throttle
+    ends = [read("ft/n_x") + (stop - lever) / per_n_x for stop in (low, high)]
+    expected |= dict(zip(plant.signals[-2:], ends, strict=True))
+    assert seen == pytest.approx(expected, rel=1e-6, abs=1e-6)
+    assert min(abs(seen[name]) for name in ("p", "q", "r", "beta", "n_y", "thrust")) > 1e-5
+
+
+WIND = "north", "east", "down"
 
 
 def test_surface_signs(fly):

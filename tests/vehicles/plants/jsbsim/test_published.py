@@ -131,12 +131,6 @@ def test_a_turn_without_a_rudder_goes_on_as_it_began(fly, holding_gamma, phi_deg
     assert turn["r"] == pytest.approx(turn["r"][0], rel=0.02)
 
 
-def test_gains_of_yaw_are_zero_without_a_rudder():
-    gains = ft.design("x8").gains.gains
-
-    assert {value for name, value in gains.items() if name.startswith("yaw/")} == {0.0}
-
-
 def test_aileron_and_elevator_must_be_there(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"elevator = .*", "", aircraft="x8")
 

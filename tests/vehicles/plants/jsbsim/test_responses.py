@@ -12,12 +12,8 @@ FINE = 0.005
 ROLL_T90, ROLL_OVERSHOOT = 1.3, 0.06
 LOAD_T90, LOAD_OVERSHOOT = 0.8, 0.05
 BANKED_LOAD, BANKED_LOAD_TOLERANCE = 1.41, 0.02
-COURSE_DRIFT = 0.05 * DEG
-STARTS = [
-    *(("V_a", V_a) for V_a in (20.0, 25.0, 30.0)),
-    *(("h", h) for h in (50.0, 3000.0)),
-    *(("gamma", gamma) for gamma in (20.0 * DEG, 45.0 * DEG)),
-]
+COURSE_DRIFT = 0.02 * DEG
+STARTS = ("V_a", 20.0), ("V_a", 30.0), ("h", 3000.0), ("gamma", 45.0 * DEG)
 
 
 def time_to_90_percent(t, y, y_0, y_1):
@@ -33,7 +29,7 @@ def overshoot(y, y_0, y_1):
 def test_rolls_30_deg_fast_and_well_damped(fly, holding_gamma, name, value, sign):
     phi_1 = sign * 30.0 * DEG
 
-    flight = fly(holding_gamma(phi_1), **{name: value}, duration=4.0, dt=FINE)
+    flight = fly(holding_gamma(phi_1), **{name: value}, duration=3.0, dt=FINE)
 
     assert time_to_90_percent(flight.t, flight["phi"], 0.0, phi_1) <= ROLL_T90
     assert overshoot(flight["phi"], 0.0, phi_1) <= ROLL_OVERSHOOT
@@ -41,7 +37,7 @@ def test_rolls_30_deg_fast_and_well_damped(fly, holding_gamma, name, value, sign
 
 
 @pytest.mark.parametrize("step", [0.5, -0.5])
-@pytest.mark.parametrize(("V_a", "gamma"), [(20, 0), (25, 0), (25, 0.35), (25, 0.785), (30, 0)])
+@pytest.mark.parametrize(("V_a", "gamma"), [(20, 0), (25, 0.785), (30, 0)])
 def test_changes_load_factor_by_half_fast_and_well_damped(fly, V_a, gamma, step):
     n_0 = math.cos(gamma)
 
@@ -63,8 +59,8 @@ def test_banks_45_deg_level_and_coordinated(fly, holding_gamma, sign):
 
 
 @pytest.mark.parametrize("chi_deg", [60.0, 179.9])
-def test_holds_course_for_a_minute_wings_level(fly, chi_deg):
-    flight = fly((0.0, 1.0), chi=chi_deg * DEG, duration=60.0, dt=0.1)
+def test_holds_course_wings_level(fly, chi_deg):
+    flight = fly((0.0, 1.0), chi=chi_deg * DEG, duration=20.0, dt=0.1)
 
     assert flight["chi"] == pytest.approx(chi_deg * DEG, abs=COURSE_DRIFT)
 

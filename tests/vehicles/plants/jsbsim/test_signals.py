@@ -16,8 +16,8 @@ NONE_SENT = 99
 @pytest.mark.parametrize(
     ("name", "most"),
     [
-        pytest.param("SIGINT", 2, marks=pytest.mark.slow),
-        *(pytest.param(name, 50, marks=pytest.mark.soak) for name in ("SIGINT", "SIGTERM")),
+        *(pytest.param(name, 2, marks=pytest.mark.soak) for name in ("SIGINT", "SIGTERM")),
+        *(pytest.param(name, 50, marks=pytest.mark.counts) for name in ("SIGINT", "SIGTERM")),
     ],
 )
 def test_a_signal_while_jsbsim_calls_python_is_an_interruption(name, most):

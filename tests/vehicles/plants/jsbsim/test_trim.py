@@ -44,12 +44,51 @@ def test_what_stands_against_a_steady_flight_is_said(condition, message):
         ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
 
 
-def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
-    travel = r"(elevator = { travel_deg = \[-25.0), 25.0"
-    folder = changed_aircraft("aircraft.toml", travel, r"\1, 1.0")
+@pytest.mark.parametrize(("V_a", "gamma_deg", "throttle"), [(40.0, 80.0, 1.0), (25.0, -20.0, 0.0)])
+def test_what_is_left_over_is_what_thrust_and_weight_lack_along_the_path(V_a, gamma_deg, throttle):
+    """By the coefficients of the README; a motor of 120 N, and 11 kg."""
+    weight, pressure_area, gamma = 11.0 * 9.80665, 0.5 * 1.1116 * V_a**2 * 0.55, gamma_deg * DEG
+    C_L = weight * math.cos(gamma) / pressure_area
+    drag = pressure_area * (0.043 + 0.0232 * C_L**2)
+    lacking = (120.0 * throttle - drag) / weight - math.sin(gamma)
 
-    with pytest.raises(ft.loop.PlantError, match="elevator is at its stop"):
-        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
+    with pytest.raises(ft.loop.PlantError) as error:
+        ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(V_a=V_a, gamma=gamma))
+
+    size, sense = re.search(r"left over: ([\d.]+) g (\w+)\)", str(error.value)).groups()
+    assert float(size) == pytest.approx(abs(lacking), abs=0.01)
+    assert sense == ("forward" if lacking > 0.0 else "backward")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "new", "words"),
+    [
+        (r"(elevator = { travel_deg = \[-25.0), 25.0", r"\1, 1.0", "the elevator is at its stop"),
+        (r"(elevator = { travel_deg = \[)-25.0", r"\1-0.3", "the elevator is at its stop"),
+        (r"(rudder   = { travel_deg = \[-25.0), 25.0", r"\1, 0.01", "the rudder is at its stop"),
+        (r"(rudder   = { travel_deg = \[)-25.0", r"\1-0.01", "the rudder is at its stop"),
+        (r"(aileron  = { travel_deg = \[-25.0), 25.0", r"\1, 0.01", "the aileron is at its stop"),
+        (r"(aileron  = { travel_deg = \[)-25.0", r"\1-0.01", "the aileron is at its stop"),
+        (
+            r"alpha_deg = \[-14.0, 16.0\]",
+            "alpha_deg = [4.0, 16.0]",
+            "negative stall, alpha is at 4",
+        ),
+    ],
+)
+def test_a_trim_that_is_not_found_names_the_stop_that_it_lies_at(
+    changed_aircraft, pattern, new, words
+):
+    plant = ft.loop.JSBSimPlant(changed_aircraft("aircraft.toml", pattern, new))
+
+    met = []
+    for phi in (-0.7, 0.0, 0.7):
+        try:
+            plant.start(ft.loop.FlightCondition(V_a=25.0, phi=phi))
+        except ft.loop.PlantError as error:
+            met.append(str(error))
+    assert met
+    assert all(words in x for x in met)
 
 
 @pytest.mark.parametrize(("V_a", "got"), [(10.56789, "10.57"), (14.99999, "14.99999")])
@@ -60,13 +99,20 @@ def test_an_airspeed_outside_the_envelope_has_the_digits_that_it_deserves(V_a, g
     assert record["reason"] == said
 
 
-@pytest.mark.soak
-def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
+@pytest.mark.slow
+def test_a_glide_is_as_steep_as_its_drag_and_one_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
 
     slow, steady = ft.trim(folder, V_a=[2.0, 25.0]).records
+
     assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
-    assert steady["trim"]
+    weight, pressure_area = 11.0 * 9.80665, 0.5 * 1.1116 * 25.0**2 * 0.55
+    C_L = weight / pressure_area
+    glide = -math.atan((0.043 + 0.0232 * C_L**2) / C_L)
+    assert steady["gamma_deg"] == pytest.approx(glide / DEG, abs=0.1)
+    assert steady["trim"]["throttle"] == 0.0
+    with pytest.raises(ft.loop.PlantError, match=r"no engine and glides at -5\.\d+ deg"):
+        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
 
 
 LEVER = """<system name="lever"><channel name="lever"><fcs_function name="a/open"><function><table>
@@ -113,7 +159,7 @@ FILTER = """<system name="lever"><property>a/lever</property><channel name="leve
 <output>fcs/throttle-pos-norm</output></lag_filter></channel></system>"""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_throttle_behind_a_filter_of_a_second_is_trimmed_as_without_it(tmp_path):
     folder = behind_lever(tmp_path / "filter", FILTER, settle_s=15.0)
 

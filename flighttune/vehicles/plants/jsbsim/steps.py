@@ -1,0 +1,235 @@
+"""The compiled step of an aircraft, checked beside JSBSim and started; or why there is none."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from hashlib import sha256
+
+import numpy as np
+
+from flighttune.base.errors import FlightTuneError, PlantError
+from flighttune.base.units import FT
+from flighttune.compiled import face
+from flighttune.compiled.aircraft import CompiledStep, Start
+from flighttune.compiled.check import CheckFlight, Unchecked, check_flight, differ, start_difference
+from flighttune.compiled.evaluated import Evaluation, Loaded
+from flighttune.compiled.face import Refusal
+from flighttune.compiled.model import Air
+from flighttune.compiled.properties import Unsupported
+from flighttune.compiled.turbulence import gust_numbers
+from flighttune.control.controller import FlightCondition
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig
+from flighttune.vehicles.plants.jsbsim import properties
+from flighttune.vehicles.plants.jsbsim.evaluated import EvaluatedFdm, Evaluator, LoadedFdm
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm, load, thrusts_of
+from flighttune.vehicles.plants.jsbsim.model_files import Unchanged, unchanged
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.source import GROUND, HEIGHT_0, source_of
+from flighttune.vehicles.plants.jsbsim.trim import level
+from flighttune.vehicles.plants.weather import (
+    Gust,
+    Turbulence,
+    TurbulenceModel,
+    Weather,
+    WindProfile,
+)
+
+# Time of a doublet's half in a check flight, s.
+_HALF = 2.0
+
+# Shares of the limits on roll and load factor, and of the airspeed, that the doublets take.
+_ROLL, _LOAD, _AIRSPEED = 0.4, 0.4, 0.05
+
+# Air of the flight, m/s.
+_WIND = Weather(wind=WindProfile(((0.0, (2.0, -1.5, 0.2)),)))
+_TURBULENCE = {"severity": 3, "wind_20ft": 4.0}
+_GUST = Gust(axis="down", peak=1.5, start=1.5, rise=0.7, hold=0.4)
+_SEED = 11
+
+# Height of an aircraft without a design flight, m.
+_HEIGHT = 1000.0
+
+_COMMANDS = (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD)
+
+# Beginnings of properties that a start writes, and of numbers that JSBSim does not show
+_WRITTEN = "ft/", "atmosphere/gust-", "_"
+
+
+def compiled(
+    config: AircraftConfig,
+    *,
+    steps: int = 1,
+    turbulence: TurbulenceModel | None = None,
+    gust: bool = False,
+    files: Unchanged | None = None,
+) -> CompiledStep | Refusal:
+    """The compiled step of an aircraft in still air or wind, with turbulence or a gust in it.
+
+    The first use of an aircraft compiles its step and flies it beside JSBSim; the result is cached.
+    `steps`: integration steps in a sample of the inner loop. `files` are those of an aircraft that
+    JSBSim has loaded just now, by default looked at again.
+    """
+
+    def check(step: CompiledStep) -> str:
+        return check_flight(step, lambda: _started(step, config, steps)).difference
+
+    source = source_of(config, steps, files or unchanged(config))
+    return face.compiled(source, Air(turbulence, gust), _case_of(config), check)
+
+
+def evaluated(
+    config: AircraftConfig, *, ground: float = 0.0, files: Unchanged | None = None
+) -> Fdm | None:
+    """An aircraft that starts without JSBSim, to the bit; None if JSBSim must start it.
+
+    The first use compiles its evaluations and starts it beside JSBSim; the result is cached.
+    """
+    files = files or unchanged(config)
+    step = compiled(config, files=files)
+    if isinstance(step, Refusal):
+        return None
+
+    def check(evaluation: Callable[[Loaded], Evaluation]) -> tuple[Loaded, str]:
+        return _check_starts(step, evaluation, files, ground)
+
+    kind = f"start {ground} {config.engines.settle} {config.settings}"
+    evaluation = face.evaluated(step.source, kind, _case_of(config), thrusts_of(config), check)
+    if isinstance(evaluation, Refusal):
+        return None
+    try:
+        return Evaluator(evaluation, _evaluated_or_loaded)(files, 1, ground)
+    except Unsupported:
+        return None  # a start is not refused to its user: JSBSim makes it
+
+
+def _evaluated_or_loaded(files: Unchanged, steps: int, ground: float) -> Fdm:
+    by_code = evaluated(files.config, ground=ground, files=files)
+    return by_code or load(files, steps, ground)
+
+
+def not_compiled(config: AircraftConfig) -> str:
+    """Why JSBSim flies all flights of an aircraft itself; empty if long ones are compiled."""
+    step = compiled(config)
+    return step.reason if isinstance(step, Refusal) else ""
+
+
+def start_of(step: CompiledStep, plant: JSBSimPlant) -> Start:
+    """The start of a flight, from a plant that has started; the plant cannot fly afterwards."""
+    fdm = plant.fdm
+    if fdm is None:
+        raise PlantError("`JSBSimPlant` must be started before its flight is compiled.")
+    own = {HEIGHT_0: fdm.reader("position/h-sl-ft")() * FT, GROUND: fdm.ground}
+    if step.air.gust:
+        if plant.weather is None or plant.weather.gust is None:
+            raise PlantError("`weather` must have a gust for a step with a gust.")
+        own |= gust_numbers(plant.weather.gust.numbers(fdm.rate))
+    by_code = isinstance(fdm, EvaluatedFdm)
+    numbers = fdm.numbers if by_code else source_of(plant.config, fdm.steps, fdm.files).numbers
+    (_, phi), (low, high) = plant.config.limits.phi, plant.config.limits.n_z
+
+    def swing(share: float) -> None:
+        fdm.writer(properties.PHI_CMD)(phi * share)
+        fdm.writer(properties.N_Z_CMD)(1.0 + min(high - 1.0, 1.0 - low) * share)
+
+    return step.start(fdm, numbers, own, seed=plant.seed, swing=swing)
+
+
+def _case_of(config: AircraftConfig) -> str:
+    """Digest of all numbers that decide a check: what it finds holds for flights with these alone.
+
+    Faults are no part of it, because none comes in a check.
+    """
+    off = config.off_nominal and config.off_nominal.model_copy(update={"fault": None})
+    numbers = config.model_dump_json(), repr(config.gains), repr(off)
+    return sha256("\n".join(numbers).encode()).hexdigest()
+
+
+class _Unchanging(JSBSimPlant):
+    """An aircraft on which nothing fails or ends in flight: its loop would write that."""
+
+    def changes(self) -> list[tuple[float, str, float]]:
+        """Nothing, at any time."""
+        return []
+
+
+def _started(step: CompiledStep, config: AircraftConfig, steps: int) -> CheckFlight:
+    """The aircraft in its design flight, in wind, and in the turbulence and gust of the step."""
+    model, gust = step.air
+    turbulence = Turbulence(**_TURBULENCE, model=model) if model else None
+    weather = replace(_WIND, turbulence=turbulence, gust=_GUST if gust else None)
+    plant = _Unchanging(config, steps=steps, weather=weather, seed=_SEED)
+    plant.start(level(config, *_design(config)))
+    fdm = plant.fdm
+    assert fdm is not None  # it has started
+    V_a, write_V_a = fdm.reader(properties.V_A_CMD)(), fdm.writer(properties.V_A_CMD)
+
+    def advance(commands: Sequence[float]) -> bool:
+        phi, n_z, speed = commands
+        write_V_a(speed)
+        return plant.advance(phi, n_z, 1.0 / fdm.rate) is None
+
+    return CheckFlight(
+        fdm=fdm,
+        levers=_COMMANDS,
+        commands=lambda t: _commands_at(t, config, V_a),
+        advance=advance,
+        start=lambda: start_of(step, plant),
+    )
+
+
+def _commands_at(t: float, config: AircraftConfig, V_a: float) -> tuple[float, float, float]:
+    """Roll, load factor and airspeed (m/s) at a time: a doublet in each, then in all."""
+
+    def doublet(start: float) -> float:
+        return {0: 1.0, 1: -1.0}.get(math.floor((t - start) / _HALF), 0.0)
+
+    (_, phi_max), (n_z_min, n_z_max) = config.limits.phi, config.limits.n_z
+    together = doublet(16.0)
+    roll, load, speed = (doublet(start) + together for start in (1.0, 6.0, 11.0))
+    reach = min(n_z_max - 1.0, 1.0 - n_z_min)
+    return _ROLL * phi_max * roll, 1.0 + _LOAD * reach * load, V_a * (1.0 + _AIRSPEED * speed)
+
+
+def _design(config: AircraftConfig) -> tuple[float, float]:
+    """Airspeed (m/s) and height (m) of the design flight."""
+    if config.design:
+        return config.design.V_a, config.design.h
+    return 0.5 * sum(config.envelope.V_a), _HEIGHT
+
+
+def _check_starts(
+    step: CompiledStep, evaluation: Callable[[Loaded], Evaluation], files: Unchanged, ground: float
+) -> tuple[Loaded, str]:
+    """Start flights by both; what JSBSim showed, and the first number that differs, if any does."""
+    config = files.config
+    loaded = LoadedFdm(config, ground=ground, files=files).known
+    try:
+        straight = level(config, *_design(config))
+        straight = replace(straight, h=straight.h + ground)
+        turn = replace(straight, h=straight.h + 70.0, chi=0.7, gamma=straight.gamma + 0.02, phi=0.2)
+        flights: list[tuple[FlightCondition, Weather | None]] = [(straight, None)]
+        if config.engines.count:
+            flights.append((turn, _WIND))
+        started = []
+        for condition, air in flights:
+            plant = JSBSimPlant(config, weather=air, ground=ground)
+            fdm = LoadedFdm(config, ground=ground, files=files)
+            plant.start(condition, fdm)
+            started.append((condition, plant))
+            now = fdm.shown()
+            moved = {x for x, value in loaded.after.items() if differ(value, now.get(x, np.nan))}
+            loaded = replace(loaded, moved=sorted({*loaded.moved, *moved}))
+    except FlightTuneError as error:
+        raise Unchecked(f"there is no start to check it at: {error}") from error
+    by_code = Evaluator(evaluation(loaded), _evaluated_or_loaded)
+    names = by_code.evaluation.code.names.parameters
+    constants = {name for name in names if not name.startswith(_WRITTEN)}
+    if taken := constants & set(loaded.moved):
+        return loaded, f"`{min(taken)}`, taken for constant, is moved by a start"
+    for condition, plant in started:
+        by_jsbsim = start_of(step, plant)
+        other = JSBSimPlant(config, weather=plant.weather, ground=ground)
+        other.start(condition, by_code(files, 1, ground))
+        if difference := start_difference(step, by_jsbsim, start_of(step, other), plant.rate):
+            return loaded, difference
+    return loaded, ""
