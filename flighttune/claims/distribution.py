@@ -15,8 +15,8 @@ from flighttune.base.words import figures, listed, number
 from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import OffNominal
+from flighttune.vehicles.navigation_keys import SensorsTable
 from flighttune.vehicles.plant_keys import PlantTable
-from flighttune.vehicles.weather_keys import SensorsTable
 
 # Tables of a scenario that must equal those of the counted flights, apart from dispersed keys.
 FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")

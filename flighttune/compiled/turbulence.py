@@ -3,9 +3,9 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-from flighttune.base.units import FT
+from flighttune.base.gusts import BodyAxis, GustNumbers
 from flighttune.compiled.properties import VELOCITY, Properties, named
 from flighttune.compiled.tables import Table2
 from flighttune.compiled.trace import (
@@ -25,13 +25,11 @@ WIND = [f"atmosphere/wind-{axis}-fps" for axis in ("north", "east", "down")]
 GUST = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
 TOTAL_WIND = [f"atmosphere/total-wind-{axis}-fps" for axis in ("north", "east", "down")]
 
-# A 1-cosine gust: steps flown, step in which it begins, whether it blows and for how long so far
-# (s); its durations (s), size (ft/s) and direction in the body at its start; the direction to
-# north, east and down, and the gust itself.
-GUST_COUNT, GUST_FIRST, GUST_BLOWS, GUST_TIME = named("_gust-{}", ("count", "first", "on", "t"))
-GUST_RISE, GUST_HOLD, GUST_FALL, GUST_SIZE = named("_gust-{}", ("rise", "hold", "fall", "size"))
-GUST_BODY, GUST_DIRECTION = named("_gust-body-{}"), named("_gust-direction-{}")
-COSINE_GUST = named("_gust-{}")
+# A 1-cosine gust: its `GustNumbers`; steps flown, whether it blows and for how long so far (s);
+# its direction to north, east and down, and the gust itself.
+GUST_OF = {name: f"_gust-of-{name}" for name in GustNumbers._fields}
+GUST_COUNT, GUST_BLOWS, GUST_TIME = named("_gust-{}", ("count", "on", "t"))
+GUST_DIRECTION, COSINE_GUST = named("_gust-direction-{}"), named("_gust-{}")
 
 # The four normal numbers of a step
 NOISE = named("_noise-{}", "uvwp")
@@ -72,30 +70,9 @@ AT_REST = dict.fromkeys(
 )
 
 
-def gust_numbers(
-    rate: float,
-    *,
-    axis: Literal["ahead", "right", "down"],
-    peak: float,
-    start: float,
-    rise: float,
-    hold: float,
-) -> dict[str, float]:
-    """Numbers of a 1-cosine gust in flights with `rate` steps per second.
-
-    It blows along an axis of the body from its `start` (s) on: `rise` (s) up to its `peak` (m/s),
-    where it is held for `hold` (s), and as long down again.
-    """
-    sign = math.copysign(1.0, peak)
-    body = {"ahead": (sign, 0.0, 0.0), "right": (0.0, sign, 0.0), "down": (0.0, 0.0, sign)}
-    numbers = {
-        GUST_FIRST: float(max(1, round(start * rate))),
-        GUST_RISE: rise,
-        GUST_HOLD: hold,
-        GUST_FALL: rise,
-        GUST_SIZE: abs(peak) / FT,
-    }
-    return numbers | dict(zip(GUST_BODY, body[axis], strict=True))
+def gust_numbers(gust: GustNumbers) -> dict[str, float]:
+    """Numbers of a gust by their places in a step."""
+    return {GUST_OF[name]: value for name, value in gust._asdict().items()}
 
 
 def total_wind(now: Properties, model: Literal["", "milspec", "tustin"], *, gust: bool) -> None:
@@ -114,8 +91,9 @@ def _steady(now: Properties, *, gust: bool) -> Vector:
 
 def _cosine_gust(now: Properties) -> None:
     count, t = now[GUST_COUNT] + 1.0, now[GUST_TIME]
-    rise, hold, fall = now[GUST_RISE], now[GUST_HOLD], now[GUST_FALL]
-    blows = different(now[GUST_BLOWS], 0.0) | equal(count, now[GUST_FIRST])
+    of = {name: now[place] for name, place in GUST_OF.items()}
+    rise, hold, fall = of["rise"], of["hold"], of["fall"]
+    blows = different(now[GUST_BLOWS], 0.0) | equal(count, of["first"])
     up = (1.0 - cos(math.pi * t / rise)) / 2.0
     down = (1 - cos(math.pi * (1 - (t - (rise + hold)) / fall))) / 2.0
     factor = select(t <= rise + hold + fall, down, 0.0)
@@ -123,9 +101,9 @@ def _cosine_gust(now: Properties) -> None:
     # The direction is fixed to the Earth when the gust begins.
     old = now.vector(GUST_DIRECTION)
     begins = equal(magnitude(old), 0.0)
-    turned = times(inverse(now.local_to_body), now.vector(GUST_BODY))
+    turned = times(inverse(now.local_to_body), [of[axis] for axis in get_args(BodyAxis)])
     direction = [select(begins, a, b) for a, b in zip(turned, old, strict=True)]
-    gust = [factor * x * now[GUST_SIZE] for x in direction]
+    gust = [factor * x * of["size"] for x in direction]
     over = t + now.dt > rise + hold + fall
     now[GUST_COUNT] = count
     now[GUST_BLOWS] = select(blows & negated(over), 1.0, 0.0)

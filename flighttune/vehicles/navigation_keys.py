@@ -1,4 +1,4 @@
-"""Table ``[navigation]`` of a scenario."""
+"""``[navigation]`` and ``[sensors]`` of a scenario."""
 
 from typing import Annotated, Any, TypeAlias
 
@@ -7,6 +7,7 @@ from pydantic import Field
 from flighttune.base import quantities as q
 from flighttune.base.units import DEG
 from flighttune.vehicles.plants.navigation import Grade, Navigation, ReceiverFault
+from flighttune.vehicles.plants.sensors import Sensors
 
 Distance: TypeAlias = Annotated[q.NotNegative, Field(le=1000.0)]  # m: standard deviation
 Assumed: TypeAlias = Annotated[q.Finite, Field(ge=1e-4, le=1000.0)]  # noise that a filter assumes
@@ -88,6 +89,25 @@ class NavigationTable(q.Table):
             jump=fault.jump_m,
             drift=fault.drift_mps,
         )
+
+
+class SensorsTable(q.Table):
+    """``[sensors]``: errors of course, flight-path angle and airspeed, measured minus true."""
+
+    chi_bias_deg: q.Angle = 0.0
+    chi_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
+    gamma_bias_deg: q.Angle = 0.0
+    gamma_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
+    V_a_bias_mps: q.Wind = 0.0
+    V_a_noise_sd_mps: q.WindSpeed = 0.0  # standard deviation, drawn from the seed
+    noise_time_constant_s: q.TimeConstant | None = None  # of all noise; white if left out
+
+    def sensors(self, seed: int) -> Sensors:
+        """The errors in rad and m/s, with noise from the scenario's `seed`."""
+        bias = self.chi_bias_deg * DEG, self.gamma_bias_deg * DEG, self.V_a_bias_mps
+        sd = self.chi_noise_sd_deg * DEG, self.gamma_noise_sd_deg * DEG, self.V_a_noise_sd_mps
+        time_constant = self.noise_time_constant_s or 0.0
+        return Sensors(bias=bias, noise_sd=sd, time_constant=time_constant, seed=seed)
 
 
 def _name(key: str) -> str:

@@ -1,4 +1,4 @@
-"""``[wind]``, ``[gust]``, ``[turbulence]`` and ``[sensors]`` of a scenario."""
+"""``[wind]``, ``[gust]`` and ``[turbulence]`` of a scenario."""
 
 import math
 from itertools import pairwise
@@ -7,9 +7,9 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, model_validator
 
 from flighttune.base import quantities as q
+from flighttune.base.gusts import BodyAxis
 from flighttune.base.units import DEG
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.vehicles.plants.sensors import Sensors
 from flighttune.vehicles.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
 
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
@@ -61,7 +61,7 @@ def _blowing(speed: float, from_deg: float, down: float) -> NED:
 class GustTable(q.Table):
     """``[gust]``: one 1-cosine gust, whose length is flown through at the initial airspeed."""
 
-    axis: Literal["ahead", "right", "down"]  # body axis at its beginning
+    axis: BodyAxis  # body axis at its beginning
     peak_mps: q.Wind
     start_s: q.Instant
     length_m: q.Length  # length of each flank, flown through at the initial airspeed
@@ -106,22 +106,3 @@ class TurbulenceTable(q.Table):
         if self.severity is not None and self.wind_20ft_mps is not None:
             severity, wind = self.severity, self.wind_20ft_mps
         return Turbulence(severity=severity, wind_20ft=wind, model=self.model)
-
-
-class SensorsTable(q.Table):
-    """``[sensors]``: errors of course, flight-path angle and airspeed, measured minus true."""
-
-    chi_bias_deg: q.Angle = 0.0
-    chi_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
-    gamma_bias_deg: q.Angle = 0.0
-    gamma_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
-    V_a_bias_mps: q.Wind = 0.0
-    V_a_noise_sd_mps: q.WindSpeed = 0.0  # standard deviation, drawn from the seed
-    noise_time_constant_s: q.TimeConstant | None = None  # of all noise; white if left out
-
-    def sensors(self, seed: int) -> Sensors:
-        """The errors in rad and m/s, with noise from the scenario's `seed`."""
-        bias = self.chi_bias_deg * DEG, self.gamma_bias_deg * DEG, self.V_a_bias_mps
-        sd = self.chi_noise_sd_deg * DEG, self.gamma_noise_sd_deg * DEG, self.V_a_noise_sd_mps
-        time_constant = self.noise_time_constant_s or 0.0
-        return Sensors(bias=bias, noise_sd=sd, time_constant=time_constant, seed=seed)

@@ -11,7 +11,7 @@ OSCILLATION = {
 }  # fmt: skip
 
 
-def scenario(aircraft="aerosonde", V_a_mps=25.0, h_m=1000.0, duration_s=6.0, **changes):
+def scenario(aircraft="aerosonde", V_a_mps=25.0, h_m=1000.0, duration_s=2.0, **changes):
     """A turn into a climb that meets no limit."""
     made = ft.load_scenario("exact_law").as_dict()
     made["plant"] = [{"kind": "jsbsim", "aircraft": aircraft}]
@@ -50,7 +50,7 @@ REFUSED = {
         "must be compiled to have slopes",
     ),
     "a flight that ends early": (
-        {"h_m": 60.0, "reference": {"chi_deg": 0.0, "gamma_deg": -30.0}},
+        {"h_m": 60.0, "duration_s": 6.0, "reference": {"chi_deg": 0.0, "gamma_deg": -30.0}},
         {},
         "must be completed, got ground contact",
     ),

@@ -29,7 +29,7 @@ from flighttune.vehicles.plants.base import Stop, WrappedPlant
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.jsbsim.signals import left_envelope
-from flighttune.vehicles.plants.weather import Weather
+from flighttune.vehicles.plants.weather import WIND, Weather, WindNumbers
 
 if TYPE_CHECKING:
     from flighttune.compiled.aircraft import CompiledStep
@@ -301,11 +301,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
     start = start_of(step, plant)
     turbulent = weather.turbulence is not None
     windy = weather.changes
-    levels = np.array([(h, *v) for h, v in weather.wind.levels]) if windy else np.empty((0, 4))
-    swing = np.empty(0)
-    if weather.oscillation is not None:
-        o = weather.oscillation
-        swing = np.array([*o.cosine, *o.sine, o.cosine_omega, o.sine_omega])
+    moving = weather.numbers if windy else WindNumbers(())
     low, high = (
         np.array([e.alpha[i], e.V_a[i] / FT, e.n_z[i] * weight, e.theta[i]]) for i in (0, 1)
     )
@@ -333,8 +329,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         change_place=np.array(where, dtype=np.int64),
         change_to=np.array(to, dtype=float),
         changed=np.zeros(1, dtype=np.int64),
-        levels=levels,
-        swing=swing,
+        air=WindNumbers(*(np.reshape(rows, (-1, 1 + len(WIND))) for rows in moving)),
         wind_places=tuple(place(name) for name in WIND_PROPERTIES) if windy else (0, 0, 0),
         wind=np.array([*(x / FT for x in wind), 0.0, 0.0, 0.0, h_ft]),
         ground=fdm.ground,

@@ -15,6 +15,7 @@ from flighttune.flight.loop.disturbance import Sinusoid
 from flighttune.vehicles.plants import base, point_mass
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.sensors import SENSED, Sensors
+from flighttune.vehicles.plants.weather import WindNumbers
 
 # Columns of a trajectory: as in a run, and the rates of the errors by the law, rad/s.
 SIGNALS = (
@@ -118,11 +119,9 @@ class Motion(NamedTuple):
     change_place: npt.NDArray[np.int64]
     change_to: FloatArray
     changed: npt.NDArray[np.int64]
-    # Wind that changes: rows of height (m) and wind (m/s); amplitudes of cosine and sine (m/s) and
-    # their angular frequencies, or nothing; places of the wind among the parameters; wind, its
-    # change in a step (ft/s) and the height before (ft)
-    levels: FloatArray
-    swing: FloatArray
+    # Wind that changes, or no rows; its places among the parameters; wind, its change in a step
+    # (ft/s) and the height before (ft)
+    air: WindNumbers
     wind_places: tuple[int, ...]
     wind: FloatArray
     ground: float  # m

@@ -24,10 +24,11 @@ from flighttune.flight.loop.batch import (
     V_FPS,
 )
 from flighttune.flight.loop.kernel import law_sample, register_jitable, sample_kernel
-from flighttune.vehicles.plants.sensors import N_Z_ERROR, sense
+from flighttune.vehicles.plants.sensors import ERROR, sense
+from flighttune.vehicles.plants.weather import REFRESH, WIND, wind_at
 
-# Integration steps from one computation of a changing wind to the next.
-REFRESH = 4
+# Places in the wind of a `Motion`: its change in a step, and the height before.
+CHANGE, BEFORE = len(WIND), 2 * len(WIND)
 
 inlined = register_jitable(inline="always")  # a call would pass some hundred numbers of a flight
 
@@ -50,8 +51,8 @@ def fly_samples(step, normals, motion, law, fed_back, seen, part, rows):
         n_z = shown[m + N_Z_SEEN] if fed_back else row[N_Z]
         if len(errors):
             sense(row, rows[k - 1], k > 0, errors[k], places, numbers)
-        if errors.shape[1] > N_Z_ERROR:
-            n_z += errors[k, N_Z_ERROR]
+        if errors.shape[1] > ERROR.n_z:
+            n_z += errors[k, ERROR.n_z]
         phi_cmd, n_z_cmd, along = law_sample(k, n_z, law, rows)
         clock = k * motion.steps
         if k == final or along >= end:
@@ -124,7 +125,7 @@ def _advance(step, normals, motion, clock, n):
     """Fly n integration steps after the `clock` steps so far; show the signals after the last."""
     states, parameters = motion.states.ctypes.data, motion.parameters.ctypes.data
     stream, shown = motion.stream.ctypes.data, motion.shown.ctypes.data
-    windy = len(motion.levels) > 0
+    windy = len(motion.air.levels) > 0
     done = 0
     while done < n:
         now, some = clock + done, n - done
@@ -166,35 +167,11 @@ def _blow(motion, now):
     wind = motion.wind
     if now % REFRESH == 0:
         h = motion.shown[motion.signals + HEIGHT]
-        after = _wind_at(motion, (now + REFRESH) / motion.rate, 2.0 * h - wind[6])
-        for j in range(3):
-            wind[3 + j] = (after[j] - wind[j]) / REFRESH
-        wind[6] = h
-    for j in range(3):
-        wind[j] += wind[3 + j]
+        then = (2.0 * h - wind[BEFORE]) * FT + motion.ground
+        after = wind_at(motion.air, (now + REFRESH) / motion.rate, then)
+        for j in range(len(after)):
+            wind[CHANGE + j] = (after[j] / FT - wind[j]) / REFRESH
+        wind[BEFORE] = h
+    for j in range(CHANGE):
+        wind[j] += wind[CHANGE + j]
         motion.parameters[motion.wind_places[j]] = wind[j]
-
-
-@inlined
-def _wind_at(motion, t, h_ft):
-    """Wind at a time (s) and height (ft), ft/s."""
-    levels, h = motion.levels, h_ft * FT + motion.ground
-    i = 0
-    while i < len(levels) and not h < levels[i, 0]:
-        i += 1
-    if i in (0, len(levels)):
-        row = levels[max(i - 1, 0)]
-        n, e, d = row[1], row[2], row[3]
-    else:
-        low, high = levels[i - 1], levels[i]
-        width, up = high[0] - low[0], h - low[0]
-        n = (high[1] - low[1]) / width * up + low[1]
-        e = (high[2] - low[2]) / width * up + low[2]
-        d = (high[3] - low[3]) / width * up + low[3]
-    swing = motion.swing
-    if len(swing):
-        c, s = math.cos(swing[6] * t), math.sin(swing[7] * t)
-        n += swing[0] * c + swing[3] * s
-        e += swing[1] * c + swing[4] * s
-        d += swing[2] * c + swing[5] * s
-    return n / FT, e / FT, d / FT

@@ -26,10 +26,11 @@ from flighttune.control.wind import filtered, path_over_ground, speed_in_wind, s
 from flighttune.flight.loop import measures
 from flighttune.routes import follow, path
 from flighttune.routes.follow import guidance, path_at, placed, steepest_sine
-from flighttune.vehicles.plants import base, point_mass, sensors
+from flighttune.vehicles.plants import base, navigation, point_mass, sensors, weather
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.navigation import Arithmetic
 from flighttune.vehicles.plants.point_mass import LOST
+from flighttune.vehicles.plants.sensors import ERROR
 
 try:
     import numba.core.caching
@@ -54,7 +55,7 @@ SOURCES = (
         Path(str(module.__file__))
         for module in (
             *(exact_law, follow, limits, mimo_pi, path, point_mass, units, measures, wind),
-            *(properties, base, sensors),
+            *(properties, base, sensors, navigation, weather),
         )
     ),
 )
@@ -74,7 +75,7 @@ for of_law in (
     *(wind.filtered, wind.path_over_ground),
     *(follow.steepest_sine, follow.path_at, follow.column_at, follow.nearest_point),
     *(follow.off_route, follow.placed, follow.guidance),
-    *(sensors.motion_seen, sensors.sense),
+    *(sensors.motion_seen, sensors.sense, weather.wind_at),
 ):
     register_jitable(of_law)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
@@ -152,10 +153,9 @@ def sample_kernel(function: Callable[..., Any]) -> Any:
 def fly_block(first, end, sensor_errors, flights, result):
     """Fly the flights from `first` up to `end` into their places of `result`."""
     for i in range(first, end):
-        # Sensor errors are measured minus true course, flight-path angle and airspeed, one row a
-        # flight of the block and one a sample; there are none where the controller sees the true
-        # values.
-        errors = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
+        # Errors of sensors have one row a flight of the block and one a sample; there are none
+        # where the controller sees the true values.
+        errors = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 0))
         rows = result.trajectories[i]
         result.samples[i], result.ends[i] = _fly(i, errors, flights, result.t, rows)
         rows[:, result.samples[i] :] = np.nan
@@ -293,8 +293,9 @@ def _fly(i, sensor_errors, flights, t, rows):
         chi_ref, gamma_ref = now[0], now[1]
         y, speed = (chi, gamma, u[0], u[1]), V_a
         if len(sensor_errors):
-            y = chi + sensor_errors[k, 0], gamma + sensor_errors[k, 1], u[0], u[1]
-            speed = V_a + sensor_errors[k, 2]
+            error = sensor_errors[k]
+            y = chi + error[ERROR.chi], gamma + error[ERROR.gamma], u[0], u[1]
+            speed = V_a + error[ERROR.V_a]
         if flights.exact:
             rate = ref_rates[k if len(ref_rates) > 1 else 0]
             exact_step(rate_law, state, (chi_ref, gamma_ref, rate[0], rate[1]), y, speed)

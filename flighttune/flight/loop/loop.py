@@ -32,8 +32,14 @@ from flighttune.routes.segments import Reference
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.vehicles.plants.inertial import inertial_errors
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
-from flighttune.vehicles.plants.navigation import ERRORS, NUMPY, Arithmetic, Navigation
-from flighttune.vehicles.plants.sensors import N_Z_ERROR, SENSED, DrawnErrors, SensedPlant, Sensors
+from flighttune.vehicles.plants.navigation import NUMPY, Arithmetic, Navigation
+from flighttune.vehicles.plants.sensors import (
+    SENSED,
+    DrawnErrors,
+    SensedPlant,
+    Sensors,
+    seen_errors,
+)
 from flighttune.vehicles.plants.weather import WIND
 
 # Signals that the loop adds to those of the plant. Signals that the controller records stand before
@@ -183,7 +189,7 @@ class Flight:
             followed = _fed_back(controller, plant) is not None
             # JSBSim's own flights keep to NumPy, so that they check compiled errors too.
             by = compiled_arithmetic(len(t)) if inside(plant, CompiledAircraft) else NUMPY
-            draw = partial(_errors, sensors, navigation, dt, condition.V_a, followed, by)
+            draw = partial(seen_errors, sensors, navigation, dt, condition.V_a, followed, by)
             self._errors = DrawnErrors(draw, last + 1, expected)
             share = 1.0 if navigation is None else navigation.wind_share(dt)
             plant = SensedPlant(plant, self._errors, dt, condition.h, share)
@@ -498,31 +504,6 @@ def compiled_arithmetic(samples: int) -> Arithmetic:
     from flighttune.flight.loop import kernel
 
     return kernel.ARITHMETIC if kernel.COMPILED else NUMPY
-
-
-def _errors(
-    sensors: Sensors | None,
-    navigation: Navigation | None,
-    dt: float,
-    V_a: float,
-    followed: bool,
-    by: Arithmetic,
-    n: int,
-) -> FloatArray:
-    """Errors of sensors and navigation at the first n samples, for `SensedPlant`.
-
-    `followed`: whether the law is given the load factor that the inner loop follows.
-    """
-    if navigation is None:
-        return np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
-    # Airspeed is the last error of sensors and the first of navigation.
-    errors = np.zeros((n, len(SENSED) - 1 + len(ERRORS)))
-    if sensors is not None:
-        errors[:, : len(SENSED)] = sensors.errors(n, dt)
-    errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a, by)
-    if followed and navigation.inner_loop:  # which has the errors of its accelerometers
-        errors[:, N_Z_ERROR] = 0.0
-    return errors
 
 
 def _true_place(

@@ -7,7 +7,7 @@ from operator import itemgetter
 from flighttune.control.controller import Measured
 from flighttune.control.wind import level_speed, speed_over
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant
-from flighttune.vehicles.plants.sensors import MEASURED, NAVIGATED, WIND_MEASURED, SensedPlant
+from flighttune.vehicles.plants.sensors import ERROR, WIND_MEASURED, SensedPlant, seen_as
 from flighttune.vehicles.plants.weather import WIND
 
 _DOWN = COMMON_SIGNALS.index("down")
@@ -17,7 +17,7 @@ _STILL = 0.0, 0.0, 0.0
 
 # Signals of a law in the order of `Measured`: the true ones, and those with navigation errors.
 TRUE_NAMES = "chi", "gamma", "V_a", "phi", "n_z"
-SEEN_NAMES = *MEASURED, *NAVIGATED[:2]
+SEEN_NAMES = seen_as(TRUE_NAMES)
 
 
 def seen_names(signals: tuple[str, ...]) -> tuple[str, ...]:
@@ -89,7 +89,7 @@ def measured_of(plant: Plant, h_0: float, dt: float) -> Callable[[tuple[float, .
 
     if not (isinstance(plant, SensedPlant) and plant.navigated):
         return measured
-    of_place = itemgetter(*map(signals.index, NAVIGATED[2:]))
+    of_place = itemgetter(*map(signals.index, seen_as(("north", "east", "h", "V_g"))))
     estimate = air if air is None else signals.index(WIND_MEASURED[0])
 
     def known(seen: tuple[float, ...]) -> Measured:
@@ -97,11 +97,11 @@ def measured_of(plant: Plant, h_0: float, dt: float) -> Callable[[tuple[float, .
         _, (_, _, sink), along = moving(_TRUE(seen), seen[_POSITION], air_true)
         chi, *_ = now = angles(seen)
         north, east, height, V_g = of_place(seen)
-        _, _, _, _, _, _, _, off, _, _, climb, *_, off_along = plant.error
-        position = north, east, seen[_DOWN] - off
+        error = plant.error
+        position = north, east, seen[_DOWN] - error[ERROR.h]
         wind = None if estimate is None else seen[estimate : estimate + len(WIND)]
-        velocity = V_g * math.cos(chi), V_g * math.sin(chi), sink - climb
-        motion = V_g, velocity, along + off_along
+        velocity = V_g * math.cos(chi), V_g * math.sin(chi), sink - error[ERROR.v_up]
+        motion = V_g, velocity, along + error[ERROR.acceleration]
         return new(Measured, (*now, height, position, wind, *further(seen), *motion))
 
     return known

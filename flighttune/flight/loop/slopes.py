@@ -95,7 +95,8 @@ def _with_slopes(field: str, value: Any, sides: Mapping[str, Sides]) -> Any:
             (x, {name: (a[i], b[i], w) for name, (a, b, w) in sides.items()})
             for i, x in enumerate(value)
         )
-        return tuple(_with_slopes(field, *part) for part in parts)
+        make = getattr(value, "_make", tuple)
+        return make(_with_slopes(field, *part) for part in parts)
     array = np.asarray(value)
     counts = array.dtype.kind != "f"
     for name, (*ends, _) in sides.items():

@@ -17,15 +17,9 @@ from flighttune.routes.reference_keys import ReferenceTable
 from flighttune.routes.route_keys import RouteTable
 from flighttune.routes.turn_back_keys import TurnBackTable
 from flighttune.vehicles.flight_keys import FlightTable
-from flighttune.vehicles.navigation_keys import NavigationTable
+from flighttune.vehicles.navigation_keys import NavigationTable, SensorsTable
 from flighttune.vehicles.plant_keys import PlantTable
-from flighttune.vehicles.weather_keys import (
-    GustTable,
-    Seed,
-    SensorsTable,
-    TurbulenceTable,
-    WindTable,
-)
+from flighttune.vehicles.weather_keys import GustTable, Seed, TurbulenceTable, WindTable
 
 
 class ScenarioKeys(Table):

@@ -1,6 +1,7 @@
 """Protocol of a plant, its kinds and labels, and plants around another plant."""
 
 import math
+from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
@@ -43,6 +44,11 @@ StopStatus: TypeAlias = Literal[
 
 # Signals every plant shows first, in this order: SI, rad, position in local NED from the start.
 COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")
+
+
+def places(names: Sequence[str]) -> Any:
+    """The place of each name, as its attribute; Numba compiles it as a constant."""
+    return namedtuple("Places", names)(*range(len(names)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,12 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import G_0
-from flighttune.vehicles.plants.navigation import Navigation
+from flighttune.vehicles.plants.navigation import GYRO_BIAS, Navigation
 
 # Errors at a sample of the inner loop, measured minus true: body rates (rad/s), and specific forces
 # over standard gravity.
-INERTIAL = "p", "q", "r", "n_x", "n_y", "n_z"
-GYROS = 3
+GYROS = "p", "q", "r"
+INERTIAL = *GYROS, "n_x", "n_y", "n_z"
 
 # Cutoff of the second-order Butterworth filter in front of an inner loop, Hz: PX4's IMU_GYRO_CUTOFF
 # is 40 and its IMU_ACCEL_CUTOFF 30, ArduPilot's INS_GYRO_FILTER and INS_ACCEL_FILTER are 20. At low
@@ -33,12 +33,12 @@ def inertial_errors(navigation: Navigation, samples: int, rate: float) -> FloatA
     from scipy.signal import butter, lfilter
 
     level, _ = navigation.axes(1.0 / rate)
-    gyro_bias = math.sqrt(level.covariance[GYROS, GYROS])
+    gyro_bias = math.sqrt(level.covariance[GYRO_BIAS, GYRO_BIAS])
     b, a = butter(2, min(CUTOFF_HZ, CUTOFF_SHARE * rate), fs=rate)
     errors = np.empty((samples, len(INERTIAL)))
-    for j in range(len(INERTIAL)):
+    for j, name in enumerate(INERTIAL):
         rng = np.random.default_rng(np.random.SeedSequence(navigation.seed, spawn_key=(_STREAM, j)))
-        if j < GYROS:
+        if name in GYROS:
             density, bias = navigation.gyro_noise, gyro_bias
         else:
             density, bias = navigation.accelerometer_noise / G_0, navigation.n_z_bias_sd

@@ -14,20 +14,25 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_not_negative, check_positive
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG, G_0
+from flighttune.vehicles.plants.weather import WIND
 
 # Errors at a sample, seen minus true: airspeed (m/s), roll (rad), load factor, position and height
 # (m), velocity over ground (m/s), input to the estimate of the wind (m/s), and acceleration along
 # the path (m/s^2).
 ERRORS = (
     *("V_a", "phi", "n_z", "north", "east", "h", "v_north", "v_east", "v_up"),
-    *("wind_north", "wind_east", "wind_down", "acceleration"),
+    *(*WIND, "acceleration"),
 )
 
 Complexes: TypeAlias = npt.NDArray[np.complex128]
 Grade: TypeAlias = Literal["rtk", "standard", "poor"]
 
-# Spawn key of the errors; each signal has a stream of its own.
+# Spawn key of the errors, and of the streams of random numbers: a new one is the last.
 _STREAM = 0x4A71
+_STREAMS = (
+    *("filter_north", "filter_east", "filter_up", "constant", "V_a", "V_a_fast", "phi", "n_z"),
+    *("acceleration", "wind_north", "wind_east"),
+)
 
 # Noise that PX4's EKF2 assumes for its inertial sensors (EKF2_ACC_NOISE, EKF2_GYR_NOISE) and the
 # random walk of their biases (EKF2_GYR_B_NOISE, EKF2_ACC_B_NOISE); its prediction step, s; time
@@ -41,6 +46,10 @@ VERTICAL, SLOW_CLIMB = 2.0, 0.5
 
 # Time constants of the noise of roll and of airspeed, s.
 FAST_ROLL_S, FAST_AIRSPEED_S = 0.05, 0.1
+
+
+# Place of this state along a horizontal axis
+GYRO_BIAS = 3
 
 
 class Arithmetic(NamedTuple):
@@ -220,34 +229,38 @@ class Navigation:
         """
         n, (level, vertical), arithmetic = samples, self.axes(dt), by or NUMPY
         (north, v_north, _), (east, v_east, tilt) = level.drawn(
-            n, self._rng(0), self._rng(1), by=arithmetic
+            n, self._rng("filter_north"), self._rng("filter_east"), by=arithmetic
         )
-        ((h, v_up),) = vertical.drawn(n, self._rng(2), by=arithmetic)
-        scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
+        ((h, v_up),) = vertical.drawn(n, self._rng("filter_up"), by=arithmetic)
+        constant = self._rng("constant").standard_normal(5).tolist()
+        scale, roll_bias, n_z_bias, along_bias, of_q = constant
         # A share of the dynamic pressure, taken for height: divided by the weight of the air.
         h += self.height_of_q * of_q * V_a * V_a / (2.0 * G_0)
 
-        def wandering(signal: int, sd: float, tau: float = 0.0) -> FloatArray:
+        def wandering(stream: str, sd: float, tau: float = 0.0) -> FloatArray:
             decay = math.exp(-dt / tau) if tau else 0.0
-            return wander(self._rng(signal).standard_normal(n), sd, decay, by=arithmetic)
+            return wander(self._rng(stream).standard_normal(n), sd, decay, by=arithmetic)
 
         airspeed = self.airspeed_scale_sd * scale * V_a + wandering(
-            4, self.airspeed_sd, self.airspeed_time_constant
+            "V_a", self.airspeed_sd, self.airspeed_time_constant
         )
-        airspeed += wandering(5, self.airspeed_noise, FAST_AIRSPEED_S)
+        airspeed += wandering("V_a_fast", self.airspeed_noise, FAST_AIRSPEED_S)
         roll = tilt + self.roll_bias_sd * roll_bias
-        roll += wandering(6, self.roll_noise, FAST_ROLL_S)
-        n_z = self.n_z_bias_sd * n_z_bias + wandering(7, self.n_z_noise)
-        along = self.n_z_bias_sd * along_bias + wandering(8, self.n_z_noise)
-        wind = np.zeros((3, n))
-        for i in range(2):
-            wind[i] = wandering(9 + i, self.wind_sd, self.wind_time_constant)
-        wind[:, 1:] -= (1.0 - self.wind_share(dt)) * wind[:, :-1]
+        roll += wandering("phi", self.roll_noise, FAST_ROLL_S)
+        n_z = self.n_z_bias_sd * n_z_bias + wandering("n_z", self.n_z_noise)
+        along = self.n_z_bias_sd * along_bias + wandering("acceleration", self.n_z_noise)
+        wind = {"wind_down": np.zeros(n)}
+        for axis in ("wind_north", "wind_east"):
+            wind[axis] = x = wandering(axis, self.wind_sd, self.wind_time_constant)
+            x[1:] -= (1.0 - self.wind_share(dt)) * x[:-1]
         if self.fault is not None:
             fault_north, fault_east = self.fault.errors(n, dt)
             north, east = north + fault_north, east + fault_east
-        columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
-        return np.stack(columns).T  # each column is contiguous, and written at once
+        drawn = {"V_a": airspeed, "phi": roll, "n_z": n_z, "north": north, "east": east, "h": h}
+        drawn |= {"v_north": v_north, "v_east": v_east, "v_up": v_up, **wind}
+        drawn["acceleration"] = G_0 * along
+        # Each column is contiguous, and written at once.
+        return np.stack([drawn[name] for name in ERRORS]).T
 
     def path_sd(self, dt: float, V_a: float) -> tuple[float, float, float]:
         """Standard deviations of estimated course and path angle (rad), and of airspeed (relative).
@@ -285,9 +298,9 @@ class Navigation:
         """Share of the wind at a sample in its estimate."""
         return dt / (self.wind_lag + dt)
 
-    def _rng(self, signal: int) -> np.random.Generator:
-        stream = np.random.SeedSequence(self.seed, spawn_key=(_STREAM, signal))
-        return np.random.default_rng(stream)
+    def _rng(self, stream: str) -> np.random.Generator:
+        key = _STREAM, _STREAMS.index(stream)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
 # Numbers that must be positive: time constants, the period and the noise that the filter assumes.
@@ -332,8 +345,8 @@ GRADES: Mapping[str, Mapping[str, float]] = MappingProxyType(
 def axes(of: Navigation, dt: float) -> tuple["Axis", "Axis"]:
     """Errors along a horizontal axis (position, velocity, tilt) and along the vertical axis."""
     every = max(round(of.period / dt), 1)
-    level = np.eye(4)  # position, velocity, tilt, and bias of the gyro
-    level[0, 1:3], level[1, 2], level[2, 3] = (dt, 0.5 * G_0 * dt * dt), G_0 * dt, -dt
+    level = np.eye(1 + GYRO_BIAS)  # position, velocity, tilt, and bias of the gyro
+    level[0, 1:3], level[1, 2], level[2, GYRO_BIAS] = (dt, 0.5 * G_0 * dt * dt), G_0 * dt, -dt
     up = np.eye(3)  # height, climb, and bias of the accelerometer
     up[0, 1:], up[1, 2] = (dt, 0.5 * dt * dt), dt
     root = math.sqrt(dt)

@@ -11,22 +11,35 @@ from flighttune.base.arrays import FloatArray, check_not_negative
 from flighttune.base.errors import InputError
 from flighttune.base.signals import SIGNALS
 from flighttune.control.wind import level_speed, speed_over
-from flighttune.vehicles.plants.base import Plant, WrappedPlant
-from flighttune.vehicles.plants.navigation import ERRORS
+from flighttune.vehicles.plants import navigation
+from flighttune.vehicles.plants.base import COMMON_SIGNALS, Plant, WrappedPlant, places
 from flighttune.vehicles.plants.weather import WIND
 
 # Signals that the controller sees through sensors, in the order of every array of them.
 SENSED = "chi", "gamma", "V_a"
 
-# Names of these signals as the controller sees them, of the further signals with navigation errors,
-# and of the estimated wind.
-MEASURED, NAVIGATED, WIND_MEASURED = (
-    tuple(SIGNALS[name].measured for name in names)
-    for names in (SENSED, ("phi", "n_z", "north", "east", "h", "V_g"), WIND)
-)
+# Errors in a row: of sensors, to which those of navigation are added or follow.
+ERRORS = (*SENSED, *(name for name in navigation.ERRORS if name not in SENSED))
 
-# Place of the load-factor error in the errors of sensors and navigation, which share the airspeed.
-N_Z_ERROR = len(SENSED) - 1 + ERRORS.index("n_z")
+# Signals that the controller sees with errors of navigation: the true one and its error, and others
+ADDED = tuple(name for name in ERRORS if name in COMMON_SIGNALS and name not in SENSED)
+FURTHER = (*ADDED, "h", "V_g")
+
+# Places of errors, of true signals, and of seen signals among themselves
+ERROR, TRUE, SEEN = map(places, (ERRORS, COMMON_SIGNALS, (*SENSED, *FURTHER, *WIND)))
+_SENSED, _ADDED = (
+    tuple((getattr(SEEN, x), getattr(TRUE, x), getattr(ERROR, x)) for x in names)
+    for names in (SENSED, ADDED)
+)
+_WIND = tuple((getattr(SEEN, x), getattr(ERROR, x)) for x in WIND)
+
+
+def seen_as(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of signals as the controller sees them."""
+    return tuple(SIGNALS[name].measured for name in names)
+
+
+MEASURED, NAVIGATED, WIND_MEASURED = map(seen_as, (SENSED, FURTHER, WIND))
 
 # Share of a sample by which rounding may put a time after its sample
 ON_SAMPLE = 1e-6
@@ -107,6 +120,31 @@ class Sensors:
         return np.concatenate(([begun], later))
 
 
+def seen_errors(
+    sensors: Sensors | None,
+    of_navigation: navigation.Navigation | None,
+    dt: float,
+    V_a: float,
+    followed: bool,
+    by: navigation.Arithmetic,
+    n: int,
+) -> FloatArray:
+    """`ERRORS` at the first n samples, a row each; without navigation only those of sensors.
+
+    `followed`: whether the law is given the load factor that the inner loop follows.
+    """
+    errors = np.zeros((n, len(SENSED if of_navigation is None else ERRORS)))
+    if sensors is not None:
+        errors[:, : len(SENSED)] = sensors.errors(n, dt)
+    if of_navigation is not None:
+        drawn = of_navigation.errors(n, dt, V_a, by)
+        for name, column in zip(navigation.ERRORS, drawn.T, strict=True):
+            errors[:, ERRORS.index(name)] += column
+        if followed and of_navigation.inner_loop:  # which has the errors of its accelerometers
+            errors[:, ERROR.n_z] = 0.0
+    return errors
+
+
 class DrawnErrors:
     """Errors (seen minus true) at the samples of a flight, drawn as far as the flight needs them.
 
@@ -135,9 +173,9 @@ class DrawnErrors:
 class SensedPlant(WrappedPlant):
     """A plant that also shows its signals as the controller sees them.
 
-    `errors` has a row for each observation, `dt` s apart: errors of sensors, 3 of them, in rad, rad
-    and m/s, or course and path angle followed by `navigation.ERRORS`. `h_0` (m) is the height of
-    the start; `share` is the share of the wind at a sample in its estimate.
+    `errors` has a row for each observation, `dt` s apart: `ERRORS`, or those of sensors alone.
+    `h_0` (m) is the height of the start; `share` is the share of the wind at a sample in its
+    estimate.
     """
 
     def __init__(
@@ -163,7 +201,7 @@ class SensedPlant(WrappedPlant):
         followed = super().n_z_followed
         if followed is None or not self.navigated:
             return followed
-        return lambda: followed() + self.error[N_Z_ERROR]
+        return lambda: followed() + self.error[ERROR.n_z]
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians; each call uses up one sample."""
@@ -191,26 +229,29 @@ def sense(
     height of the start (m), and share of the wind in its estimate.
     """
     (at, h, wind), (dt, h_0, share) = places, numbers
-    chi, gamma, V_a = row[0], row[1], row[4]
-    row[at], row[at + 1], row[at + 2] = chi + error[0], gamma + error[1], V_a + error[2]
-    if len(error) == 3:
+    for seen, true, of in _SENSED:
+        row[at + seen] = row[true] + error[of]
+    if len(error) == len(_SENSED):
         return
+    for seen, true, of in _ADDED:
+        row[at + seen] = row[true] + error[of]
+    chi, gamma, V_a = row[TRUE.chi], row[TRUE.gamma], row[TRUE.V_a]
     air = (row[wind], row[wind + 1], row[wind + 2]) if wind >= 0 else (0.0, 0.0, 0.0)
     if begun:
-        V_g = speed_over(row[5] - before[5], row[6] - before[6], dt)
+        north, east = row[TRUE.north] - before[TRUE.north], row[TRUE.east] - before[TRUE.east]
+        V_g = speed_over(north, east, dt)
     else:
         V_g = level_speed(chi, gamma, V_a, air)
-    turned, climbed, V_g = motion_seen(chi, gamma, V_g, (error[8], error[9], error[10]))
-    row[at] += turned
-    row[at + 1] += climbed
-    row[at + 3], row[at + 4] = row[2] + error[3], row[3] + error[4]
-    row[at + 5], row[at + 6] = row[5] + error[5], row[6] + error[6]
-    row[at + 7] = (row[h] if h >= 0 else h_0 - row[7]) + error[7]
-    row[at + 8] = V_g
+    velocity = error[ERROR.v_north], error[ERROR.v_east], error[ERROR.v_up]
+    turned, climbed, V_g = motion_seen(chi, gamma, V_g, velocity)
+    row[at + SEEN.chi] += turned
+    row[at + SEEN.gamma] += climbed
+    row[at + SEEN.h] = (row[h] if h >= 0 else h_0 - row[TRUE.down]) + error[ERROR.h]
+    row[at + SEEN.V_g] = V_g
     if wind >= 0:
-        for j in range(3):
-            last = before[at + 9 + j] if begun else air[j]
-            row[at + 9 + j] = share * air[j] + (1.0 - share) * last + error[11 + j]
+        for j, (seen, of) in enumerate(_WIND):
+            last = before[at + seen] if begun else air[j]
+            row[at + seen] = share * air[j] + (1.0 - share) * last + error[of]
 
 
 def motion_seen(

@@ -5,14 +5,16 @@ The tables of a scenario check the numbers of a `Weather`.
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from operator import itemgetter, mul
-from typing import Literal, TypeAlias
+from operator import mul
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from flighttune.base.arrays import FloatArray, set_read_only
 from flighttune.base.errors import InputError
+from flighttune.base.gusts import BodyAxis, GustNumbers
 from flighttune.base.units import FT
 from flighttune.control.controller import FlightCondition
 
@@ -22,6 +24,12 @@ CALM: NED = (0.0, 0.0, 0.0)
 
 # Signals of the wind that a plant met, m/s.
 WIND = ("wind_north", "wind_east", "wind_down")
+
+# Places in a row of `WindNumbers`: height (m) or angular frequency (rad/s), and a wind (m/s).
+BY, NORTH, EAST, DOWN = range(1 + len(WIND))
+
+# Integration steps from one computation of a changing wind to the next: linear in between.
+REFRESH = 4
 
 
 # Time (s), wind there (m/s) and its rate (m/s^2), constant until the next piece.
@@ -107,6 +115,46 @@ def through_air(condition: FlightCondition, wind: NED) -> FlightCondition:
     return replace(condition, chi=chi_air, gamma=gamma_air)
 
 
+WindRows: TypeAlias = Sequence[Sequence[float]] | FloatArray
+
+
+class WindNumbers(NamedTuple):
+    """Wind over height and time."""
+
+    levels: WindRows  # a wind by height, rising
+    # Amplitude of the cosine and of the sine of an oscillation, each by its frequency; or nothing
+    swing: WindRows = ()
+
+
+def wind_at(numbers: WindNumbers, t: float, h: float) -> NED:
+    """Wind at time `t` (s) and height `h` (m above sea level), m/s; Numba compiles it too."""
+    levels, swing = numbers
+    i, above = 0, len(levels)
+    while i < above:
+        middle = (i + above) // 2
+        if h < levels[middle][BY]:
+            above = middle
+        else:
+            i = middle + 1
+    if i in (0, len(levels)):
+        level = levels[max(i - 1, 0)]
+        n, e, d = level[NORTH], level[EAST], level[DOWN]
+    else:
+        low, high = levels[i - 1], levels[i]
+        # Written out as `np.interp` computes it, which takes four times as long for one height.
+        width, up = high[BY] - low[BY], h - low[BY]
+        n = (high[NORTH] - low[NORTH]) / width * up + low[NORTH]
+        e = (high[EAST] - low[EAST]) / width * up + low[EAST]
+        d = (high[DOWN] - low[DOWN]) / width * up + low[DOWN]
+    if len(swing):
+        a, b = swing[0], swing[1]
+        c, s = math.cos(a[BY] * t), math.sin(b[BY] * t)
+        n += a[NORTH] * c + b[NORTH] * s
+        e += a[EAST] * c + b[EAST] * s
+        d += a[DOWN] * c + b[DOWN] * s
+    return n, e, d
+
+
 TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]
 
 
@@ -125,16 +173,7 @@ class WindProfile:
 
     def at(self, h: float) -> NED:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
-        if (i := bisect_right(self.levels, h, key=itemgetter(0))) in (0, len(self.levels)):
-            return self.levels[max(i - 1, 0)][1]
-        (h_0, (n_0, e_0, d_0)), (h_1, (n_1, e_1, d_1)) = self.levels[i - 1 : i + 1]
-        # Written out as `np.interp` computes it, which takes four times as long for one height.
-        width, up = h_1 - h_0, h - h_0
-        return (
-            (n_1 - n_0) / width * up + n_0,
-            (e_1 - e_0) / width * up + e_0,
-            (d_1 - d_0) / width * up + d_0,
-        )
+        return Weather(wind=self).deterministic(0.0, h)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,12 +185,24 @@ class Gust:
     """
 
     # Body axis at the start of the gust along which the air moves; then fixed to the Earth
-    axis: Literal["ahead", "right", "down"]
+    axis: BodyAxis
     peak: float  # m/s: largest speed; negative for the opposite direction
     # `start`, `rise` and `hold` (s): when it begins; length of each flank; time at the peak
     start: float
     rise: float
     hold: float = 0.0
+
+    def numbers(self, rate: float) -> GustNumbers:
+        """Its numbers in flights with `rate` steps per second."""
+        sign = math.copysign(1.0, self.peak)
+        return GustNumbers(
+            first=float(max(1, round(self.start * rate))),
+            rise=self.rise,
+            hold=self.hold,
+            fall=self.rise,
+            size=abs(self.peak) / FT,
+            **{axis: sign if axis == self.axis else 0.0 for axis in get_args(BodyAxis)},
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,12 +237,6 @@ class OscillatingWind:
     sine: NED
     sine_omega: float
 
-    def at(self, t: float) -> NED:
-        """Wind at time `t` (s), m/s, north, east and down."""
-        c, s = math.cos(self.cosine_omega * t), math.sin(self.sine_omega * t)
-        (a_n, a_e, a_d), (b_n, b_e, b_d) = self.cosine, self.sine
-        return a_n * c + b_n * s, a_e * c + b_e * s, a_d * c + b_d * s
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weather:
@@ -204,11 +249,15 @@ class Weather:
 
     def deterministic(self, t: float, h: float) -> NED:
         """Wind without gust and turbulence at time `t` (s) and height `h` (m), m/s in NED."""
-        wind = self.wind.at(h)
-        if self.oscillation is None:
-            return wind
-        swing = self.oscillation.at(t)
-        return wind[0] + swing[0], wind[1] + swing[1], wind[2] + swing[2]
+        return wind_at(self.numbers, t, h)
+
+    @property
+    def numbers(self) -> WindNumbers:
+        """The wind without gust and turbulence, for `wind_at`."""
+        levels, o = tuple((h, *wind) for h, wind in self.wind.levels), self.oscillation
+        if o is None:
+            return WindNumbers(levels)
+        return WindNumbers(levels, ((o.cosine_omega, *o.cosine), (o.sine_omega, *o.sine)))
 
     @property
     def changes(self) -> bool:

@@ -123,9 +123,7 @@ ASSUMED = {"kind": "point_mass_lag", "roll_lag_rad_s": 5.0, "n_z_lag_rad_s": 8.0
 FLOWN = [
     ("exact", (1.5, 1.3), (0.8, 0.5), (0.0, 0.0), AEROSONDE, BEHIND),
     ("exact", (1.1, 1.7), (0.8, 0.5), (0.4, 0.3), AEROSONDE, BEHIND),
-    ("paper", (3.4, 3.0), (2.0, 1.2), (0.0, 0.0), AEROSONDE, BEHIND),
     ("paper", (2.6, 3.9), (1.9, 1.2), (0.0, 0.0), AEROSONDE, BEHIND),
-    ("exact", (1.5, 1.3), (0.8, 0.5), (0.0, 0.0), {"lag_rad_s": [5.0, 8.0]}, ASSUMED),
     ("paper", (3.4, 3.0), (2.0, 1.2), (0.0, 0.0), {"lag_rad_s": [5.0, 8.0]}, ASSUMED),
 ]
 

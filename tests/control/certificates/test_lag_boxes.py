@@ -58,7 +58,6 @@ CLIMB = 9.81 / 25.0 * np.sin(np.pi / 12.0)  # a of the paper's law in its climb,
 @pytest.mark.parametrize(
     ("scenario", "gains", "changes", "half", "a", "b"),
     [
-        ("mission", replace(GAINS, feedback=(0.4, 0.3)), {}, 0.0, (0.0, 0.0), 1.0),
         ("mission", replace(GAINS, feedback=(0.4, 0.3)), LATE, 0.025, (0.0, 0.0), 1.0),
         ("paper", DECOUPLED, LATE, 0.025, (0.0, CLIMB), 9.81 / 25.0),
     ],

@@ -53,14 +53,13 @@ def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objectiv
     assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
 
 
-@pytest.mark.slow
 def test_an_identified_model_takes_the_objectives_that_are_its_own():
     """A plant with its lags is enough: `model` need not be stated."""
     plants = [{"kind": "point_mass_lag", "identified": "aerosonde"}]
     scenario = made_up_scenario(plant=plants, tuning={"objective": "E_K"})
 
     assert scenario.tuning.model == "identified"
-    assert ft.tune(scenario, starts=2).problem.objective == "E_K"
+    assert ft.loop.tuning_problem(scenario).objective == "E_K"
 
 
 @pytest.mark.slow

@@ -1,18 +1,23 @@
 """Weather on a JSBSim aircraft: a start in wind from a trim in still air, and the air after it."""
 
-import math
 from collections.abc import Callable, Iterator
 from itertools import count
 from typing import TypeAlias
 
 from flighttune.base.units import FT
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
-from flighttune.vehicles.plants.weather import NED, Gust, Turbulence, Weather
+from flighttune.vehicles.plants.weather import NED, REFRESH, Gust, Turbulence, Weather, wind_at
 
-_AXES = {"ahead": "X", "right": "Y", "down": "Z"}
-
-# Integration steps between two instants at which a changing wind is computed.
-_REFRESH = 4
+# JSBSim's names of `GustNumbers` after the first
+_GUST = {
+    "rise": "startup-duration-sec",
+    "hold": "steady-duration-sec",
+    "fall": "end-duration-sec",
+    "size": "magnitude-ft_sec",
+    "ahead": "X-velocity-ft_sec",
+    "right": "Y-velocity-ft_sec",
+    "down": "Z-velocity-ft_sec",
+}
 
 _NED = ("north", "east", "down")
 
@@ -64,18 +69,13 @@ def _begin_turbulence(fdm: Fdm, turbulence: Turbulence) -> None:
 
 
 def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Run) -> Run:
-    settings = {
-        "startup-duration-sec": gust.rise,
-        "steady-duration-sec": gust.hold,
-        "end-duration-sec": gust.rise,
-        "magnitude-ft_sec": abs(gust.peak) / FT,
-        "frame": 1.0,  # that of the body
-        f"{_AXES[gust.axis]}-velocity-ft_sec": math.copysign(1.0, gust.peak),
-    }
+    numbers = gust.numbers(rate)._asdict()
+    first = numbers.pop("first")
+    settings = {_GUST[name]: value for name, value in numbers.items()}
+    settings["frame"] = 1.0  # that of the body
     for name, value in settings.items():
         fdm.writer(f"atmosphere/cosine-gust/{name}")(value)
     begin = fdm.writer("atmosphere/cosine-gust/start")
-    first = max(1, round(gust.start * rate))
 
     def steps() -> Iterator[bool]:
         for k in count(1):
@@ -89,22 +89,21 @@ def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Run) -> Run:
 def _changing(fdm: Fdm, weather: Weather, rate: float, run: Run) -> Run:
     """Return a step that writes the wind of its end before it is flown."""
     (write_north, write_east, write_down), h_ft = wind_writers(fdm), fdm.reader("position/h-sl-ft")
-    h_start = h_ft()
+    h_start, numbers = h_ft(), weather.numbers
 
-    def wind_at(t: float, h: float) -> NED:
-        north, east, down = weather.deterministic(t, h * FT + fdm.ground)
+    def blowing(t: float, h: float) -> NED:
+        north, east, down = wind_at(numbers, t, h * FT + fdm.ground)
         return north / FT, east / FT, down / FT
 
-    # The wind is exact at instants `_REFRESH` steps apart, and linear in between.
     def steps() -> Iterator[bool]:
-        h_last, (north, east, down) = h_start, wind_at(0.0, h_start)  # ft/s, as JSBSim has it
-        for k in count(_REFRESH, _REFRESH):
+        h_last, (north, east, down) = h_start, blowing(0.0, h_start)  # ft/s, as JSBSim has it
+        for k in count(REFRESH, REFRESH):
             h = h_ft()
             # The wind is needed at the end of the next steps, whose height is extrapolated.
-            n, e, d = wind_at(k / rate, 2.0 * h - h_last)
-            d_north, d_east = (n - north) / _REFRESH, (e - east) / _REFRESH
-            d_down, h_last = (d - down) / _REFRESH, h
-            for _ in range(_REFRESH):
+            n, e, d = blowing(k / rate, 2.0 * h - h_last)
+            d_north, d_east = (n - north) / REFRESH, (e - east) / REFRESH
+            d_down, h_last = (d - down) / REFRESH, h
+            for _ in range(REFRESH):
                 # Written out: a loop over three components takes as long as all the rest.
                 north, east, down = north + d_north, east + d_east, down + d_down
                 write_north(north)

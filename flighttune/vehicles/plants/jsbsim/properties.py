@@ -2,7 +2,7 @@
 
 from flighttune.vehicles.aircraft.aircraft import SURFACES
 from flighttune.vehicles.plants import base, weather
-from flighttune.vehicles.plants.inertial import INERTIAL
+from flighttune.vehicles.plants.inertial import GYROS, INERTIAL
 
 SIGNALS = (
     *base.COMMON_SIGNALS,
@@ -24,7 +24,7 @@ ENGAGED = "ft/engaged"
 
 # Errors of gyros and accelerometers that the inner loop adds, in the order of `INERTIAL`.
 ERRORS = tuple(
-    f"ft/error/{name}-rad_sec" if name in "pqr" else f"ft/error/{name}" for name in INERTIAL
+    f"ft/error/{name}-rad_sec" if name in GYROS else f"ft/error/{name}" for name in INERTIAL
 )
 SURFACE_TRIMS = tuple(f"ft/{name}-trim-rad" for name in SURFACES)
 THROTTLE_TRIM = "ft/throttle-trim-norm"

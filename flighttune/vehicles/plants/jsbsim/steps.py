@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from hashlib import sha256
 
 import numpy as np
@@ -122,7 +122,7 @@ def start_of(step: CompiledStep, plant: JSBSimPlant) -> Start:
     if step.air.gust:
         if plant.weather is None or plant.weather.gust is None:
             raise PlantError("`weather` must have a gust for a step with a gust.")
-        own |= gust_numbers(fdm.rate, **asdict(plant.weather.gust))
+        own |= gust_numbers(plant.weather.gust.numbers(fdm.rate))
     by_code = isinstance(fdm, EvaluatedFdm)
     numbers = fdm.numbers if by_code else source_of(plant.config, fdm.steps, fdm.files).numbers
     (_, phi), (low, high) = plant.config.limits.phi, plant.config.limits.n_z
