@@ -602,6 +602,7 @@ def test_a_file_is_read_or_refused_in_one_line(tmp_path, name, cases):
     fuzz(KINDS[name], tmp_path, cases)
 
 
+@pytest.mark.soak
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("cases", CASES)
 @pytest.mark.parametrize("name", marked(BINARY, pytest.mark.soak, but={*BINARY} - {"ULog"}))

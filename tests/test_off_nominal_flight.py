@@ -114,7 +114,7 @@ def test_the_table_of_the_page_is_a_plant_of_a_scenario():
     assert plant.label == "jsbsim:aerosonde:heavy_aft"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_example_comes_to_what_it_expects():
     # The bias remains as error: the loop cannot see it.
     most, least = {"chi": {"MS_deg": 1.2}, "gamma": {"MS_deg": 0.2}}, {"chi": {"MS_deg": 0.8}}

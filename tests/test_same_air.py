@@ -21,6 +21,7 @@ def flown_in(plants, **tables):
     return ft.fly(made_up_scenario(seed=3, gains=["paper", "K5"], plant=plants, **made))
 
 
+@pytest.mark.soak
 def test_every_plant_meets_the_wind_of_the_aircraft():
     flown = flown_in(
         [LAW, {"kind": "point_mass_lag", **LAGS}, AIRCRAFT],

@@ -161,6 +161,7 @@ def test_a_scenario_that_is_mirrored_is_flown_mirrored(flight):
         assert_same(right[name], left[name] * (-1.0 if name in TO_THE_SIDE else 1.0), name)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("flight", ["law", "lagged"])
 def test_a_reference_that_begins_later_is_followed_later(flight):
     now, then = unchanged(flight), flown(turn_in_wind(FLIGHTS[flight][1], later=LATER))

@@ -88,7 +88,7 @@ def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, opt
     assert words in failure
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_scenario_without_draws_is_flown_once_by_both(file):
     alone = ft.compare("level_turn@paper", autopilot=file, workers=1, seed=7)
 

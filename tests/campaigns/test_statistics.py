@@ -414,6 +414,7 @@ def evidence(failures, n, q):
     return below, integrate.quad(ratio, q, top)[0] / (top - q)
 
 
+@pytest.mark.soak
 def test_an_interval_at_any_time_is_of_the_first_flights_and_of_what_evidence_leaves(
     flown, tmp_path
 ):

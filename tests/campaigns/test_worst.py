@@ -26,6 +26,7 @@ def proven(tmp_path_factory):
     return proven, file
 
 
+@pytest.mark.soak
 def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     tube, _ = proven
     bounds = tube.bounds
@@ -228,6 +229,7 @@ def test_what_cannot_be_searched_is_refused_in_a_line(drawn, options, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.soak
 def test_flights_of_a_tube_stay_inside_and_tell_how_much_wider_it_is(proven):
     """The search reaches nearly all of a tube of 0.3 s, and never leaves it."""
     tube, file = proven
@@ -246,6 +248,7 @@ def test_flights_of_a_tube_stay_inside_and_tell_how_much_wider_it_is(proven):
     assert bounds.share(run.signals) == pytest.approx(worst.value, rel=1e-6)
 
 
+@pytest.mark.soak
 def test_a_band_is_searched_for_the_flight_nearest_to_its_edge(tmp_path):
     turn = ft.scenario_from(short())
     few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 29, "gains": "paper"}

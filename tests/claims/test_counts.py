@@ -106,7 +106,7 @@ def test_a_count_is_of_the_flights_of_its_campaign_after_those_that_taught_it():
     assert inside == (counted.scores <= counted.scale).tolist()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_middle_in_wind_is_the_least_squares_fit_of_learning_flights():
     """Another count has those flights as counted ones, and with them the winds."""
     by_wind = ft.load(band_in_wind())

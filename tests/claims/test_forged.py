@@ -106,6 +106,7 @@ def several(kind, draw, number):
             yield opened, place
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("kind", kinds())
 def test_a_file_that_was_edited_is_believed_in_no_place(kind, tmp_path):
     for opened, place in several(kind, random.Random(SEED), 12):

@@ -197,7 +197,7 @@ def flown_alone(flights, number, after_s):
     return run, ends
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("how", ["cut", "turn_back", "circle"])
 def test_flights_are_ended_at_their_time_and_place(how, tmp_path):
     hourly = hours_with(tmp_path, {"kind": "aileron_stuck", "stuck_deg": [-0.5, 0.5]},

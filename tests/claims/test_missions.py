@@ -65,7 +65,7 @@ def names(place):
 
 
 # ---------------------------------------------------------------- the corridor and its fence
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_mission_is_counted_with_its_fence_its_room_and_its_hours():
     band, turned, hourly = (ft.load(file) for file in (mission(), room(), hours()))
 
@@ -524,6 +524,7 @@ def test_the_bound_is_that_of_its_counts(healthy, faulty, target, counts, tmp_pa
     assert bool(said.failure) == (target is not None)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("target", "later", "latest", "words"),
     [

@@ -54,6 +54,7 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
     assert "`run` must be 10 to 38, got 39" in told
 
 
+@pytest.mark.soak
 def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
     band = ft.load(file)
     flown = answer("verify", file, "--run", band.nearest, cwd=tmp_path)

@@ -18,7 +18,7 @@ ADOPTED = Path(__file__).parents[1] / "adopted"
 # Adopted aircraft of `make soak`: one that is refused by a difference, a turboprop and one whose
 # start is refused; `make counts` has the others.
 LONGER = "f16", "DHC6", "Short_S23"
-MARKS = {"x8": pytest.mark.soak}
+MARKS = {"x8": pytest.mark.soak, "a4": pytest.mark.soak}
 SHIPPED = [pytest.param(x, marks=MARKS.get(x, pytest.mark.slow)) for x in AIRCRAFT_NAMES]
 
 

@@ -107,7 +107,7 @@ def found(table, tmp_path_factory):
     return gap_of(folder, table, phi_cmd=late(table, "phi_cmd", 0.1))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_flight_of_the_model_differs_by_wind_and_delays_alone(found):
     values = {name: value for name, (value, _, _) in found.factors.items()}
 

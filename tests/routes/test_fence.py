@@ -336,6 +336,7 @@ def about(left, right, ends=(-50.0, 250.0)):
     return ((ends[0], -left), (ends[0], right), (ends[1], right), (ends[1], -left))
 
 
+@pytest.mark.soak
 def test_flights_are_counted_outside_by_the_bound_of_clopper_and_pearson(band):
     """By SciPy. A fence of centimetres has all flights outside, one of metres none."""
     n = len(band.extremes)

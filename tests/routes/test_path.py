@@ -274,7 +274,7 @@ def test_a_circle_that_is_too_near_is_reached_by_a_turn_around(route):
     assert (path.north[end], path.east[end]) == pytest.approx((900, 2000), abs=0.6)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_every_way_out_of_a_refusal_is_one():
     rows = survey(3, 420.0, beyond=120.0)
     narrow = AROUND | {"turnaround": 120.0}

@@ -111,6 +111,7 @@ def assert_plan(tables):
         assert all(value is None or isinstance(value, int | float) for value in one["params"])
 
 
+@pytest.mark.soak
 def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(written, route):
     """MAVLink: 12 is PX4; QGroundControl: 1 is a fixed wing, and heights above home."""
     tables = json.loads(written["plan"].read_text())
@@ -166,7 +167,7 @@ def line_of(route):
     return shapely.LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corridor, tmp_path):
     """PX4 takes 64 vertices. The loss is at least how far the area goes beyond the corridor."""
     square = [[8.45, 47.35], [8.6, 47.35], [8.6, 47.5], [8.45, 47.5], [8.45, 47.35]]

@@ -357,7 +357,7 @@ def test_the_aircraft_flies_in_the_tube_of_its_boxes_which_is_proven_again(
     assert aircraft.bounds.contain(run.signals)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_boxes_other_than_those_counted_are_refused(aircraft, boxes, tmp_path):
     stated = aircraft.probability
     assert (stated.of, stated.at_most, stated.confidence) == ("residual_rates", 0.3, 0.9)

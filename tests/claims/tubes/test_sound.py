@@ -72,7 +72,7 @@ def check(case, seed):
     assert all_stay(found, disturbance, rng)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @settings(max_examples=4)
 @given(case=problems(), seed=st.integers(0, 999))
 def test_no_flight_leaves_the_tube(case, seed):

@@ -52,7 +52,7 @@ def responses(certificate):
         pytest.param("mission", "exact:tuned_fed_back", IDENTIFIED, marks=pytest.mark.counts),
     ],
 )
-@pytest.mark.slow
+@pytest.mark.soak
 def test_no_input_makes_a_larger_error_and_the_worst_one_attains_it(scenario, name, changes):
     """n(t) = sign h(T - t) is the worst input up to T."""
     certification = certified(scenario, name, **changes)

@@ -54,7 +54,7 @@ LATE = {"tuning.sample_delay": True, "controller.rate_hz": 10.0}
 CLIMB = 9.81 / 25.0 * np.sin(np.pi / 12.0)  # a of the paper's law in its climb, 1/s
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("scenario", "gains", "changes", "half", "a", "b"),
     [

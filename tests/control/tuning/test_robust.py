@@ -50,6 +50,7 @@ def narrow():
     return changes, found, proven.claim.rate
 
 
+@pytest.mark.soak
 def test_gains_for_an_envelope_have_the_rate_that_a_certificate_proves_and_nearly_its_bound(narrow):
     _, found, proven = narrow
 

@@ -227,7 +227,7 @@ def around(results, tmp_path_factory):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_bounds_of_claims_are_drawn_around_errors_in_degrees(around, results):
     charts, tube, band, run = around
     for claim, place in ((tube, 0), (band, 1)):
@@ -338,7 +338,7 @@ def test_the_curves_of_a_loop_are_those_of_the_closed_form(tmp_path):
     assert phase.x_ends == pytest.approx([decades[0] / 1.05, decades[1] * 1.05], rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_rate_over_an_envelope_falls_with_its_size_to_what_is_certified_over_all(tmp_path):
     command = "certify", "paper", "--gains", "paper", "--envelope", "--out", tmp_path / "c.json"
     flighttune(*command, "--figure", tmp_path / "c.svg")
@@ -460,7 +460,7 @@ def test_the_page_of_a_campaign_has_the_shares_steps_and_dots_of_its_rows(result
         )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_page_of_a_corridor_has_its_map_and_its_flights_inside(results):
     band = results.of("corridor")
     command = "report corridor.npz --out corridor.html"
@@ -500,7 +500,7 @@ def test_the_page_of_a_log_and_of_a_comparison_draw_their_runs(results, tmp_path
     assert {"chi_err", "gamma_err"} <= check_runs(charts, runs)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_sheets_of_aircraft_have_the_fits_and_steps_of_their_tables(results):
     designed = results.of("designed")
     steps = sound(drawn(designed.sheet().svg()))

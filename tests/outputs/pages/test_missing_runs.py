@@ -20,6 +20,7 @@ def folder(tmp_path):
     return tmp_path / "flight"
 
 
+@pytest.mark.soak
 def test_a_report_says_first_that_runs_are_missing_and_ends_with_status_2(folder, tmp_path):
     page = tmp_path / "page.html"
     sentence = "1 of 3 runs is missing"

@@ -226,7 +226,7 @@ def mission(results):
     return ft.load(results.folder / "kept.npz"), (results.folder / "m.html").read_text("utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_page_of_a_mission_has_its_conditions_its_gains_and_its_file(mission, results):
     band, page = mission
     facts = {row[0]: row[1:] for row in reversed(facts_of(page))}
@@ -303,7 +303,7 @@ def axis_of(values, row):
     return [low - room, high + room]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_page_of_a_search_has_its_candidates_between_bounds_start_and_result(results):
     meeting = results.of("meeting")
     turn = results.folder / "meet.toml"

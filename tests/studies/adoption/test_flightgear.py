@@ -179,6 +179,7 @@ DEFINED = '<system name="s"><property value="{}">tuning/factor</property></syste
 
 
 # What a system defines is not overwritten: JSBSim says "Property tuning/factor is already defined."
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("asked", "notes"),
     [
@@ -215,6 +216,7 @@ def test_a_coefficient_that_a_zero_switches_off_is_named_with_its_weight(aircraf
     assert "--set tuning/factor=VALUE states it" in said
 
 
+@pytest.mark.soak
 def test_two_zeros_in_a_product_are_both_named(aircraft):
     both = tuple(
         x.replace(FACTOR, f"{FACTOR}<property>/controls/other</property>") for x in DRAG[1]
@@ -228,6 +230,7 @@ def test_two_zeros_in_a_product_are_both_named(aircraft):
     assert "--set tuning/factor=VALUE states them" in said
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("how", ["states", "sets"])
 def test_a_zero_that_is_stated_is_no_question(aircraft, how):
     given = {"sets": [TUNING.format("0")]} if how == "states" else {}
@@ -270,7 +273,7 @@ NAMES = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_names_are_written_as_jsbsim_takes_them(aircraft):
     """Each name in the tables leads JSBSim to the node to which the name in the model does."""
     gauges = [

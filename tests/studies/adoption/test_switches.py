@@ -109,7 +109,7 @@ def says(found, values):
     return True
 
 
-NOW = "mode", "three in series", "compared", "table", "smoothed", "beside harm"
+NOW = "mode", "three in series", "table"
 MORE = (
     "product",
     "a function before",

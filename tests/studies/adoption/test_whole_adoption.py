@@ -108,7 +108,7 @@ def book(V_a, glide=False):
     }  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", ["adopted", "glider"])
 def test_envelope_limits_and_goals_are_those_of_the_published_coefficients(name, request):
     found, _ = request.getfixturevalue(name)

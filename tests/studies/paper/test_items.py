@@ -91,6 +91,7 @@ def test_the_eigenvalues_are_those_of_the_printed_loop_and_the_disturbance_is_a_
     assert gamma == pytest.approx(0.1 * np.cos(0.15 * t), abs=WRITTEN)
 
 
+@pytest.mark.soak
 def test_indicators_are_those_of_the_lyapunov_equation_and_as_printed_but_for_the_star(made):
     rows = made.table("table2").set_index("type")
     assert rows["epsilon"].to_dict() == EPSILON

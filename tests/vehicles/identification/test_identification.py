@@ -49,7 +49,7 @@ def by_scipy(lag, commanded):
     return signal.dlsim((A, B, C, D, DT / fine), late)[1][::fine, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_fits_are_the_responses_of_lags_and_explain_their_share_of_the_variance(made):
     for at, name, channel in channels(made):
         lag = channel.candidates[0].lag
