@@ -1,5 +1,6 @@
 """The public names and their modules: read by type checkers, and by `flighttune` itself."""
 
+from flighttune import compiled as compiled
 from flighttune import gym as gym
 from flighttune import loop as loop
 from flighttune.base.errors import FlightTuneError as FlightTuneError

@@ -41,12 +41,14 @@ class CompiledStep:
         Places of states, parameters, stream, signals and properties in their arrays.
     functions : tuple
         ``step`` and ``normals``, as `MachineStep` describes them.
+    machine : MachineStep
+        The step itself.
     """
 
     def __init__(self, source: Source, air: Air, names: Names, code: bytes) -> None:
         self.source, self.air = source, air
         self._model = source.model(air)
-        self._machine = machine = MachineStep(names, code)
+        self.machine = machine = MachineStep(names, code)
         self.names, self.functions = names, machine.functions
         self.normals, self.fly = machine.normals, machine.fly
 
@@ -70,4 +72,4 @@ class CompiledStep:
         else:
             with warnings.catch_warnings(action="ignore"):  # of JSBSim's class of matrices
                 values = start_values(fdm, self._model, numbers, names, swing)
-        return Start(*self._machine.arrays((values | {**own}).__getitem__), seeded(seed))
+        return Start(*self.machine.arrays((values | {**own}).__getitem__), seeded(seed))

@@ -2,7 +2,7 @@
 """The compiled step of an aircraft, and how it starts without JSBSim; or why there is none."""
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from hashlib import sha256
@@ -13,14 +13,17 @@ from typing import Any, TypeAlias
 from flighttune.base import units
 from flighttune.base.c_library import c_library
 from flighttune.compiled import machine
-from flighttune.compiled.aircraft import CompiledStep
+from flighttune.compiled.aircraft import CompiledStep, Start
 from flighttune.compiled.cache import Kept, kept_or_made
 from flighttune.compiled.check import Unchecked
 from flighttune.compiled.evaluated import Evaluation, Loaded
+from flighttune.compiled.ir import ALONE, Lanes
+from flighttune.compiled.lanes import LaneStep, fly_ir, lanes_differ, widest
 from flighttune.compiled.model import Air, Source
-from flighttune.compiled.properties import Unsupported
+from flighttune.compiled.properties import Properties, Unsupported
 from flighttune.compiled.settling import BeforeFlight, before_flight
 from flighttune.compiled.step import MachineStep, Names, traced
+from flighttune.compiled.trace import Number
 from flighttune.compiled.trimming import writing
 
 # Versions of JSBSim that the compiled step reproduces.
@@ -98,6 +101,43 @@ def _sloped(source: Source, air: Air) -> MachineStep:
 
     kept = kept_or_made(_key(source, air, "slopes"), made)
     return MachineStep(kept.names, kept.code)
+
+
+def in_lanes(step: CompiledStep, start: Start) -> LaneStep:
+    """The step of an aircraft for many flights, as many in a vector as the processor has room for.
+
+    The first use flies the lanes beside the step alone, from a `start`, and is cached. Where they
+    differ, flights are stepped one after the other.
+    """
+    several = _in_lanes(step, start, widest())
+    return several if several is not None else _of_kept(_lanes_of(step, 1), 1)
+
+
+def _in_lanes(step: CompiledStep, start: Start, width: int) -> LaneStep | None:
+    def checked(kept: Kept) -> Kept:
+        if kept.equal or kept.differences:
+            return kept
+        difference = lanes_differ(_of_kept(kept, width), step.machine, start)
+        return replace(
+            kept, equal=not difference, differences={"": difference} if difference else {}
+        )
+
+    kept = _lanes_of(step, width, checked)
+    return _of_kept(kept, width) if kept.equal else None
+
+
+def _of_kept(kept: Kept, width: int) -> LaneStep:
+    return LaneStep(kept.names, kept.code, width)
+
+
+def _lanes_of(
+    step: CompiledStep, width: int, check: Callable[[Kept], Kept] = lambda kept: kept
+) -> Kept:
+    def made() -> Kept:
+        names, code = _code(step.source, step.air, lanes=Lanes(width))
+        return Kept(names=names, code=code)
+
+    return kept_or_made(_key(step.source, step.air, f"lanes {width}"), made, check)
 
 
 @dataclass
@@ -208,10 +248,18 @@ def _writing() -> MachineStep:
 
 
 @lru_cache(maxsize=4)
-def _code(source: Source, air: Air, *, sloped: bool = False) -> tuple[Names, bytes]:
-    """The names and the machine code of a step."""
+def _code(
+    source: Source, air: Air, *, sloped: bool = False, lanes: Lanes | None = None
+) -> tuple[Names, bytes]:
+    """The names and the machine code of a step, also one of many flights in `lanes`."""
     model = source.model(air)
-    names, text = traced(model, lambda now: source.signals(now, model.engines), sloped=sloped)
+
+    def shown(now: Properties) -> Mapping[str, Number]:
+        return source.signals(now, model.engines)
+
+    names, text = traced(model, shown, sloped=sloped, lanes=lanes or ALONE)
+    if lanes is not None:
+        text += fly_ir(names, lanes.width)
     return names, machine.object_code(text)
 
 

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The traced step as LLVM IR: a function that makes any number of steps in place."""
+"""The traced step as LLVM IR: a function that makes any number of steps in place.
+
+A step may be one of several aircraft, each in its lane of a vector: every operation is then one of
+vectors, which gives each lane the bits that it has alone.
+"""
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import NamedTuple
 
 from flighttune.compiled.branches import Side, sides
 from flighttune.compiled.trace import (
@@ -22,7 +27,7 @@ from flighttune.compiled.trace import (
 # Beginning of the names by which compiled code knows functions of the C library.
 PREFIX = "flighttune_"
 
-_DECLARATIONS = "\n".join(
+_SCALARS = "\n".join(
     [
         *(
             f"declare double @{PREFIX}{name}({', '.join(['double'] * count)}) #0"
@@ -35,12 +40,22 @@ _DECLARATIONS = "\n".join(
     ]
 )
 
+
+class Lanes(NamedTuple):
+    """Aircraft of a vector, and the functions of the C library over vectors that there are."""
+
+    width: int = 1
+    lifted: Collection[str] = ()  # each is ``v_`` and its name
+
+
+ALONE = Lanes()
+
 _FUNCTION = """
 define void @{name}(ptr noalias %s, ptr noalias %p, i64 %n, ptr noalias %u, ptr noalias %o, i64 %m)
 {{
 entry:
-  %sine = alloca double
-  %cosine = alloca double
+  %sine = alloca {real}, align 8
+  %cosine = alloca {real}, align 8
   %any = icmp sgt i64 %n, 0
   br i1 %any, label %first, label %end
 first:
@@ -71,21 +86,26 @@ end:
 """
 
 
-def step_ir(
-    graph: Graph,
-    inputs: Mapping[str, tuple[str, int]],
-    updates: Sequence[Number],
-    signals: Sequence[Number],
-    properties: Sequence[Number],
-    streams: int,
-) -> str:
-    """IR of the one function ``step``, as `function_ir` has it."""
-    return module(function_ir("step", graph, inputs, updates, signals, properties, streams))
+def declarations(width: int = 1) -> str:
+    """Declarations of what steps of so many lanes call."""
+    if width == 1:
+        return _SCALARS
+    reals, truths, pointers = (f"<{width} x {x}>" for x in ("double", "i1", "ptr"))
+    kind = f"v{width}f64"
+    gather = f"{reals} @llvm.masked.gather.{kind}.v{width}p0({pointers}, i32, {truths}, {reals})"
+    return "\n".join(
+        [
+            _SCALARS,
+            *(f"declare {reals} @llvm.{name}.{kind}({reals})" for name in INSTRUCTIONS),
+            f"declare {gather}",
+            f"declare i1 @llvm.vector.reduce.or.v{width}i1({truths})",
+        ]
+    )
 
 
-def module(*functions: str) -> str:
+def module(*functions: str, width: int = 1) -> str:
     """IR of several functions."""
-    return "\n".join((_DECLARATIONS, *functions))
+    return "\n".join((declarations(width), *functions))
 
 
 def function_ir(
@@ -98,15 +118,17 @@ def function_ir(
     streams: int = 0,
     *,
     until: Truth = False,
+    lanes: Lanes = ALONE,
 ) -> str:
     """IR of ``step(states, parameters, n, stream, shown, how_many)``, which makes n steps.
 
     `inputs` places each input in an array: s of states, p of parameters or u of the stream, which
     has a row of `streams` numbers for each step. `updates` are the new states. After the last step
     `signals` are written to ``shown`` if ``how_many`` is 1, `properties` behind them if it is 2.
-    The steps end with the first in which `until` holds.
+    The steps end with the first in which `until` holds. Of several `lanes` each place of an array
+    has a number for every one of them, side by side.
     """
-    emitter = _Emitter(graph, inputs, streams, name)
+    emitter = _Emitter(graph, inputs, streams, name, lanes)
     first, again = emitter.carried(updates)
     # Old states, before the new ones are stored.
     shown = [value for value in (*signals, *properties) if isinstance(value, Value)]
@@ -123,7 +145,7 @@ def function_ir(
     }
     further = emitter.ref(goes_on.place) if isinstance(goes_on, Condition) else "true"
     lines = {label: "\n  ".join(block) for label, block in blocks.items()}
-    text = _FUNCTION.format(name=name, goes_on=further, **lines)
+    text = _FUNCTION.format(name=name, goes_on=further, real=emitter.real, **lines)
     return "\n".join((*emitter.constants(), text))
 
 
@@ -131,9 +153,16 @@ class _Emitter:
     """Writes operations down, each once; one block comes after the other."""
 
     def __init__(
-        self, graph: Graph, inputs: Mapping[str, tuple[str, int]], streams: int, name: str
+        self,
+        graph: Graph,
+        inputs: Mapping[str, tuple[str, int]],
+        streams: int,
+        name: str,
+        lanes: Lanes,
     ) -> None:
         self.graph, self.inputs, self.streams, self.name = graph, inputs, streams, name
+        self.width, self.lifted = lanes
+        self.real, self.whole, self.truth = map(self._of_lanes, ("double", "i64", "i1"))
         self.lines: list[str] = []
         self.known: set[int] = set()
         self.tables: dict[tuple[float, ...], int] = {}
@@ -167,8 +196,8 @@ class _Emitter:
                 continue
             x, value, function = self._new(), self._new(), node.op.removeprefix("call ")
             self._input(self.graph.nodes[node.args[0]], x)
-            self.lines.append(f"{value} = call double @{PREFIX}{function}(double {x}) #0")
-            found.append((f"%v{place} = phi double [ {value}, %first ]", new))
+            self._library(function, value, [x])
+            found.append((f"%v{place} = phi {self.real} [ {value}, %first ]", new))
             self.known.add(place)
         return self.lines, found
 
@@ -208,9 +237,9 @@ class _Emitter:
         for slot, value in enumerate(values, first):
             if self._is_input(value, array, slot):
                 continue  # it is there
-            text = self.ref(value.place) if isinstance(value, Value) else constant(value)
+            text = self.ref(value.place) if isinstance(value, Value) else self._number(value)
             pointer = self._pointer(array, str(slot))
-            self.lines.append(f"store double {text}, ptr {pointer}, align 8")
+            self.lines.append(f"store {self.real} {text}, ptr {pointer}, align 8")
         return self.lines
 
     def _is_input(self, value: Number, array: str, slot: int) -> bool:
@@ -229,16 +258,27 @@ class _Emitter:
         """The name of a value, or its number."""
         node = self.graph.nodes[place]
         if node.op == "const":
-            return constant(of_bits(node.args[0]))
+            return self._number(of_bits(node.args[0]))
         return self.names.get(place, f"%v{place}")
 
     def _new(self) -> str:
         self.count += 1
         return f"%t{self.count}"
 
+    def _of_lanes(self, kind: str) -> str:
+        """The type of a value of each lane."""
+        return kind if self.width == 1 else f"<{self.width} x {kind}>"
+
+    def _every(self, kind: str, text: str) -> str:
+        """A constant in every lane."""
+        return text if self.width == 1 else f"<{', '.join([f'{kind} {text}'] * self.width)}>"
+
+    def _number(self, x: float) -> str:
+        return self._every("double", constant(x))
+
     def _pointer(self, array: str, index: str) -> str:
         pointer = self._new()
-        self.lines.append(f"{pointer} = getelementptr double, ptr %{array}, i64 {index}")
+        self.lines.append(f"{pointer} = getelementptr {self.real}, ptr %{array}, i64 {index}")
         return pointer
 
     def _write(self, node: Value, name: str) -> None:
@@ -251,10 +291,11 @@ class _Emitter:
             return
         parts = ", ".join(map(self.ref, node.args))
         if op in ("and", "or", "not"):
-            relation, parts = ("xor", f"{parts}, true") if op == "not" else (op, parts)
-            self.lines.append(f"{name} = {relation} i1 {parts}")
+            every = self._every("i1", "true")
+            relation, parts = ("xor", f"{parts}, {every}") if op == "not" else (op, parts)
+            self.lines.append(f"{name} = {relation} {self.truth} {parts}")
         else:  # arithmetic, and comparisons
-            self.lines.append(f"{name} = {op} double {parts}")
+            self.lines.append(f"{name} = {op} {self.real} {parts}")
 
     def _input(self, node: Value, name: str) -> None:
         array, slot = self.inputs[node.args[0]]
@@ -263,20 +304,46 @@ class _Emitter:
             row, index = self._new(), self._new()
             self.lines.append(f"{row} = mul i64 %k, {self.streams}")
             self.lines.append(f"{index} = add i64 {row}, {slot}")
-        self.lines.append(f"{name} = load double, ptr {self._pointer(array, index)}, align 8")
+        pointer = self._pointer(array, index)
+        self.lines.append(f"{name} = load {self.real}, ptr {pointer}, align 8")
 
     def _select(self, node: Value, name: str) -> None:
         condition, *values = node.args
         alone = [self.on_side.get((node.place, holds), []) for holds in (True, False)]
-        if not any(alone):
-            a, b = map(self.ref, values)
-            self.lines.append(f"{name} = select i1 {self.ref(condition)}, double {a}, double {b}")
+        if self.width > 1 or not any(alone):
+            ways = [
+                self._if_any(condition, holds, places, value) if places else self.ref(value)
+                for holds, places, value in zip((True, False), alone, values, strict=True)
+            ]
+            chosen = ", ".join(f"{self.real} {way}" for way in ways)
+            self.lines.append(f"{name} = select {self.truth} {self.ref(condition)}, {chosen}")
             return
         yes, no, end = (f"{self._new()[1:]}.{at}" for at in ("yes", "no", "end"))
         self.lines.append(f"br i1 {self.ref(condition)}, label %{yes}, label %{no}")
         ways = [self._side(*x, end) for x in zip((yes, no), alone, values, strict=True)]
         self.lines += (f"{end}:", f"{name} = phi double {', '.join(ways)}")
         self.block = end
+
+    def _if_any(self, condition: int, holds: bool, places: Sequence[int], value: int) -> str:
+        """A branch that is left out if no lane needs it; what its value is called after it."""
+        here, some, end = (f"{self._new()[1:]}.{at}" for at in ("here", "some", "end"))
+        needed_by, any_ = self.ref(condition), self._new()
+        if not holds:
+            needed_by, every = self._new(), self._every("i1", "true")
+            text = f"{needed_by} = xor {self.truth} {self.ref(condition)}, {every}"
+            self.lines.append(text)
+        reduced = f"@llvm.vector.reduce.or.v{self.width}i1({self.truth} {needed_by})"
+        self.lines += (
+            f"{any_} = call i1 {reduced}",
+            f"br label %{here}",
+            f"{here}:",
+            f"br i1 {any_}, label %{some}, label %{end}",
+        )
+        way, after = self._side(some, places, value, end), self._new()
+        nothing = f"[ zeroinitializer, %{here} ]"
+        self.lines += (f"{end}:", f"{after} = phi {self.real} {way}, {nothing}")
+        self.block = end
+        return after
 
     def _side(self, label: str, places: Sequence[int], value: int, end: str) -> str:
         """Write a branch; what its value is called after it."""
@@ -292,15 +359,47 @@ class _Emitter:
         return way
 
     def _call(self, node: Value, name: str) -> None:
-        function, arguments = node.op[5:], [f"double {self.ref(x)}" for x in node.args]
+        function, arguments = node.op[5:], [self.ref(x) for x in node.args]
         if function in INSTRUCTIONS:
-            self.lines.append(f"{name} = call double @llvm.{function}.f64({arguments[0]})")
-        elif function in ("sin", "cos") and self._both(node.args[0]) and name == f"%v{node.place}":
+            kind = "f64" if self.width == 1 else f"v{self.width}f64"
+            called = f"call {self.real} @llvm.{function}.{kind}({self.real} {arguments[0]})"
+            self.lines.append(f"{name} = {called}")
+        elif self._paired(function, node) and name == f"%v{node.place}":
             # The C library gives the same bits, and JSBSim's compiler makes this call too.
             self.names[node.place] = self._pair(node.args[0])[function == "cos"]
         else:
-            called = f"call double @{PREFIX}{function}({', '.join(arguments)}) #0"
-            self.lines.append(f"{name} = {called}")
+            self._library(function, name, arguments)
+
+    def _library(self, function: str, name: str, arguments: Sequence[str]) -> None:
+        """Call a function of the C library: one over vectors, or the C library's own by lane."""
+        if function in self.lifted:
+            given = ", ".join(f"{self.real} {x}" for x in arguments)
+            self.lines.append(f"{name} = call {self.real} @v_{function}({given})")
+            return
+        before = "poison"
+        for lane in range(self.width):
+            given = ", ".join(f"double {self._lane(x, lane)}" for x in arguments)
+            if self.width == 1:
+                self.lines.append(f"{name} = call double @{PREFIX}{function}({given}) #0")
+                return
+            value, after = self._new(), name if lane == self.width - 1 else self._new()
+            self.lines += (
+                f"{value} = call double @{PREFIX}{function}({given}) #0",
+                f"{after} = insertelement {self.real} {before}, double {value}, i32 {lane}",
+            )
+            before = after
+
+    def _lane(self, vector: str, lane: int) -> str:
+        if self.width == 1:
+            return vector
+        value = self._new()
+        self.lines.append(f"{value} = extractelement {self.real} {vector}, i32 {lane}")
+        return value
+
+    def _paired(self, function: str, node: Value) -> bool:
+        return (
+            function in ("sin", "cos") and function not in self.lifted and self._both(node.args[0])
+        )
 
     def _both(self, angle: int) -> bool:
         return all((f"call {name}", angle) in self.graph.index for name in ("sin", "cos"))
@@ -308,46 +407,67 @@ class _Emitter:
     def _pair(self, angle: int) -> tuple[str, str]:
         """Sine and cosine of an angle, by one call."""
         if angle not in self.pairs:
-            sine, cosine = self._new(), self._new()
+            of, sine, cosine = self.ref(angle), self._new(), self._new()
+            for lane in range(self.width):
+                places = [self._place(x, lane) for x in ("%sine", "%cosine")]
+                given = f"double {self._lane(of, lane)}, ptr {', ptr '.join(places)}"
+                self.lines.append(f"call void @{PREFIX}sincos({given})")
             self.lines += (
-                f"call void @{PREFIX}sincos(double {self.ref(angle)}, ptr %sine, ptr %cosine)",
-                f"{sine} = load double, ptr %sine",
-                f"{cosine} = load double, ptr %cosine",
+                f"{sine} = load {self.real}, ptr %sine, align 8",
+                f"{cosine} = load {self.real}, ptr %cosine, align 8",
             )
             self.pairs[angle] = sine, cosine
         return self.pairs[angle]
 
+    def _place(self, of: str, lane: int) -> str:
+        if self.width == 1:
+            return of
+        pointer = self._new()
+        self.lines.append(f"{pointer} = getelementptr double, ptr {of}, i64 {lane}")
+        return pointer
+
     def _integer(self, node: Value, name: str) -> None:
-        self.lines.append(f"{name} = add i64 {node.args[0]}, 0")
+        zero, given = (self._every("i64", str(x)) for x in (0, node.args[0]))
+        self.lines.append(f"{name} = add {self.whole} {given}, {zero}")
 
     def _segment(self, node: Value, name: str) -> None:
         inner, key, relation = node.args
-        total = "0"
+        zero = total = self._every("i64", "0")
         for breakpoint_ in inner:
             below, one, more = self._new(), self._new(), self._new()
+            compared = f"{self.real} {self._number(breakpoint_)}, {self.ref(key)}"
             self.lines += (
-                f"{below} = fcmp {relation} double {constant(breakpoint_)}, {self.ref(key)}",
-                f"{one} = zext i1 {below} to i64",
-                f"{more} = add i64 {total}, {one}",
+                f"{below} = fcmp {relation} {compared}",
+                f"{one} = zext {self.truth} {below} to {self.whole}",
+                f"{more} = add {self.whole} {total}, {one}",
             )
             total = more
-        self.lines.append(f"{name} = add i64 {total}, 0")
+        self.lines.append(f"{name} = add {self.whole} {total}, {zero}")
 
     def _flat(self, node: Value, name: str) -> None:
         row, columns, column = node.args
-        first = self._new()
-        self.lines.append(f"{first} = mul i64 {self.ref(row)}, {columns}")
-        self.lines.append(f"{name} = add i64 {first}, {self.ref(column)}")
+        first, by = self._new(), self._every("i64", columns)
+        self.lines.append(f"{first} = mul {self.whole} {self.ref(row)}, {by}")
+        self.lines.append(f"{name} = add {self.whole} {first}, {self.ref(column)}")
 
     def _gather(self, node: Value, name: str) -> None:
         values, index, further = node.args
         table = self.tables.setdefault(values, len(self.tables))
         place, pointer = self._new(), self._new()
+        by, at = self._every("i64", further), f"ptr @{self.name}.table{table}"
         self.lines += (
-            f"{place} = add i64 {self.ref(index)}, {further}",
-            f"{pointer} = getelementptr double, ptr @{self.name}.table{table}, i64 {place}",
-            f"{name} = load double, ptr {pointer}, align 8",
+            f"{place} = add {self.whole} {self.ref(index)}, {by}",
+            f"{pointer} = getelementptr double, {at}, {self.whole} {place}",
         )
+        if self.width == 1:
+            self.lines.append(f"{name} = load double, ptr {pointer}, align 8")
+            return
+        kind = f"v{self.width}f64.v{self.width}p0"
+        given = (
+            f"<{self.width} x ptr> {pointer}, i32 8, {self.truth} {self._every('i1', 'true')}, "
+            f"{self.real} poison"
+        )
+        self.lines.append(f"{name} = call {self.real} @llvm.masked.gather.{kind}({given})")
 
 
 def constant(x: float) -> str:

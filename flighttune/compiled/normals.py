@@ -36,10 +36,16 @@ define private double @draw(ptr %state) alwaysinline {{
 }}
 """
 
+# Numbers that stand `stride` places apart, as those of an aircraft in its lane of a vector do.
 NORMALS = (
     _DRAW
     + f"""
 define void @normals(ptr %state, i64 %n, ptr %out) {{
+  call void @spread(ptr %state, i64 %n, ptr %out, i64 1)
+  ret void
+}}
+
+define void @spread(ptr %state, i64 %n, ptr %out, i64 %stride) {{
 entry:
   br label %next
 next:
@@ -62,14 +68,15 @@ store:
   %ratio = fdiv double %scaled, %r2
   %factor = call double @llvm.sqrt.f64(double %ratio)
   %u = fmul double %b, %factor
-  %pu = getelementptr double, ptr %out, i64 %i
+  %at = mul i64 %i, %stride
+  %pu = getelementptr double, ptr %out, i64 %at
   store double %u, ptr %pu
   %i1 = add i64 %i, 1
   %two = icmp slt i64 %i1, %n
   br i1 %two, label %pair, label %second
 pair:
   %v = fmul double %a, %factor
-  %pv = getelementptr double, ptr %out, i64 %i1
+  %pv = getelementptr double, ptr %pu, i64 %stride
   store double %v, ptr %pv
   br label %second
 second:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flighttune.compiled import normals, turbulence
 from flighttune.compiled.dynamics import Doubles
-from flighttune.compiled.ir import step_ir
+from flighttune.compiled.ir import ALONE, Lanes, function_ir, module
 from flighttune.compiled.machine import Loaded
 from flighttune.compiled.properties import Properties
 from flighttune.compiled.run import Model, run
@@ -33,8 +33,10 @@ class Names:
     properties: tuple[str, ...]
 
 
-def traced(model: Model, shown: Shown, *, sloped: bool = False) -> tuple[Names, str]:
-    """The names and the IR of a step.
+def traced(
+    model: Model, shown: Shown, *, sloped: bool = False, lanes: Lanes = ALONE
+) -> tuple[Names, str]:
+    """The names and the IR of a step, of one aircraft or of several in the lanes of a vector.
 
     `sloped`: behind its states, parameters and signals stand their slopes; it has no properties.
     """
@@ -59,8 +61,9 @@ def traced(model: Model, shown: Shown, *, sloped: bool = False) -> tuple[Names, 
         properties = []
     arrays = {"s": names.states, "p": names.parameters, "u": names.stream}
     places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
-    text = step_ir(graph, places, new, list(signals.values()), properties, len(stream))
-    return names, text + normals.NORMALS
+    values = list(signals.values()), properties, len(stream)
+    step = function_ir("step", graph, places, new, *values, lanes=lanes)
+    return names, module(step, normals.NORMALS, width=lanes.width)
 
 
 def _with_slopes(

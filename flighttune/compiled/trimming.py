@@ -5,7 +5,7 @@ An initial state has an attitude, a velocity over ground, an airspeed and its di
 written to it changes the others by rounding.
 """
 
-from flighttune.compiled.ir import step_ir
+from flighttune.compiled.ir import function_ir, module
 from flighttune.compiled.motion import AT_START
 from flighttune.compiled.properties import (
     INERTIAL_RATES,
@@ -112,7 +112,7 @@ def writing() -> tuple[Names, str]:
     arrays = {"s": STATE, "u": WRITE}
     places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
     new, shown = [now.now[name] for name in STATE], list(euler_angles(to_body))
-    return names, step_ir(graph, places, new, [], shown, len(WRITE))
+    return names, module(function_ir("step", graph, places, new, [], shown, len(WRITE)))
 
 
 def _through_air(now: Properties, to_local: Matrix) -> Vector:

@@ -158,7 +158,7 @@ def _started(step: CompiledStep, config: AircraftConfig, steps: int) -> CheckFli
     turbulence = Turbulence(**_TURBULENCE, model=model) if model else None
     weather = replace(_WIND, turbulence=turbulence, gust=_GUST if gust else None)
     plant = _Unchanging(config, steps=steps, weather=weather, seed=_SEED)
-    plant.start(level(config, *_design(config)))
+    plant.start(level(config, *design_flight(config)))
     fdm = plant.fdm
     assert fdm is not None  # it has started
     V_a, write_V_a = fdm.reader(properties.V_A_CMD)(), fdm.writer(properties.V_A_CMD)
@@ -190,7 +190,7 @@ def _commands_at(t: float, config: AircraftConfig, V_a: float) -> tuple[float, f
     return _ROLL * phi_max * roll, 1.0 + _LOAD * reach * load, V_a * (1.0 + _AIRSPEED * speed)
 
 
-def _design(config: AircraftConfig) -> tuple[float, float]:
+def design_flight(config: AircraftConfig) -> tuple[float, float]:
     """Airspeed (m/s) and height (m) of the design flight."""
     if config.design:
         return config.design.V_a, config.design.h
@@ -204,7 +204,7 @@ def _check_starts(
     config = files.config
     loaded = LoadedFdm(config, ground=ground, files=files).known
     try:
-        straight = level(config, *_design(config))
+        straight = level(config, *design_flight(config))
         straight = replace(straight, h=straight.h + ground)
         turn = replace(straight, h=straight.h + 70.0, chi=0.7, gamma=straight.gamma + 0.02, phi=0.2)
         flights: list[tuple[FlightCondition, Weather | None]] = [(straight, None)]

@@ -1,0 +1,426 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""An aircraft of JSBSim as a simulator of many flights at once: a state, and a step of it."""
+
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal, Protocol, TypeAlias, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import got
+from flighttune.base.errors import InputError
+from flighttune.compiled.aircraft import CompiledStep, Start
+from flighttune.compiled.dynamics import Doubles
+from flighttune.compiled.face import in_lanes, sloped
+from flighttune.compiled.lanes import LaneStep
+from flighttune.compiled.slopes import SLOPE
+
+# The module that knows aircraft by name and folder, and trims them.
+AIRCRAFT = "flighttune.vehicles.plants.jsbsim.simulated"
+
+# Time since the start, s.
+_TIME = "simulation/sim-time-sec"
+
+Inputs: TypeAlias = Literal["commands", "surfaces"]
+Given: TypeAlias = npt.ArrayLike | Mapping[str, npt.ArrayLike]
+LaneIndex: TypeAlias = int | slice | Sequence[int] | npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Trimmed:
+    """Starts of flights in one kind of air: what each of them shows, by name."""
+
+    step: CompiledStep
+    starts: Sequence[Start]
+    shown: Sequence[Mapping[str, float]]
+
+
+class Trims(Protocol):
+    """An aircraft that can be trimmed.
+
+    `inputs` are its properties by the names of its inputs; `others` are inputs by name alone.
+    """
+
+    name: str
+    inputs: Mapping[str, str]
+    others: Mapping[str, str]
+
+    def trimmed(self, n: int | None, **given: Any) -> Trimmed:
+        """Flights that start in steady flight."""
+        ...
+
+
+def load(aircraft: str | Path, *, inputs: Inputs = "commands") -> "Aircraft":
+    """An aircraft whose flights are JSBSim's own to the bit, many at once.
+
+    The first use of an aircraft compiles its step and flies it beside JSBSim, which takes some
+    seconds; the result is cached.
+
+    Parameters
+    ----------
+    aircraft : str or Path
+        Name of a shipped aircraft, or the folder of an adopted one.
+    inputs : str
+        ``commands``: roll ``phi_cmd`` (rad) and load factor ``n_z_cmd`` (1), which the inner loop
+        follows while it holds the airspeed; by name also that airspeed, ``V_a_cmd`` (m/s).
+        ``surfaces``: ``aileron``, ``elevator`` and ``rudder`` (rad) and ``throttle`` (0 to 1),
+        without an inner loop.
+
+    Raises
+    ------
+    PlantError
+        If there is no such aircraft, or its step cannot be compiled to JSBSim's bits.
+
+    Examples
+    --------
+    >>> aircraft = ft.compiled.load("c172p")
+    >>> state = aircraft.trim(V_a=50.0, h=1000.0, n=256)
+    >>> turning = aircraft.step(state, [0.3, 1.05], steps=400)
+    >>> turning["phi"].shape, round(float(turning["phi"][0]), 2)
+    ((256,), 0.3)
+    """
+    if inputs not in ("commands", "surfaces"):
+        raise InputError(f"`inputs` must be commands or surfaces, got {got(inputs)}.")
+    return Aircraft(import_module(AIRCRAFT).loaded(aircraft, inputs))
+
+
+class Aircraft:
+    """An aircraft in machine code; `load` makes it.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    inputs : tuple of str, length m
+        Names of its inputs, in the order of the columns of `step`.
+    """
+
+    def __init__(self, trims: Trims) -> None:
+        self._trims = trims
+        self.name, self.inputs = trims.name, tuple(trims.inputs)
+        self._lanes: dict[int, tuple[CompiledStep, LaneStep]] = {}
+
+    def __repr__(self) -> str:
+        return f"<{self.name}, inputs {', '.join(self.inputs)}>"
+
+    def trim(self, *, n: int | None = None, **given: Any) -> "State":
+        """Start flights, each in steady flight.
+
+        Every argument is one value for all flights, or n of them.
+
+        Parameters
+        ----------
+        n : int, optional
+            Number of flights; by default that of the values that are given.
+        V_a, h : float or shape (n,), m/s and m
+            Airspeed, and height above sea level; by default those of the design flight.
+        chi, gamma, phi : float or shape (n,), rad
+            Course clockwise from north, path angle with climb positive, roll to the right; 0.
+        wind : shape (3,) or (n, 3), m/s
+            Velocity of the air to north, east and down; still air by default.
+        turbulence : str, optional
+            ``light``, ``moderate`` or ``severe``, for all flights.
+        model : str
+            Its model, ``tustin`` or ``milspec``.
+        seed : int or shape (n,)
+            Of the turbulence; by default 0 to n - 1.
+        **factors : float or shape (n,)
+            Differences of the aircraft from its files, by keys of ``[plant.airframe]`` such as
+            ``mass_factor``, ``lift_factor``, ``cg_aft_m`` and ``actuator_lag_factor``.
+
+        Raises
+        ------
+        InputError
+            If a value is not one of those, or the flight is outside of the envelope.
+        TrimError
+            If there is no steady flight.
+        """
+        trimmed = self._trims.trimmed(n, **given)
+        step, lanes = self._lanes_of(trimmed)
+        names = lanes.names
+        shown = {name: np.array([x[name] for x in trimmed.shown]) for name in trimmed.shown[0]}
+        missing = np.full(len(trimmed.starts), np.nan)
+        signals = np.stack([shown.get(name, missing) for name in names.signals], axis=1)
+        arrays = (
+            *(np.stack([getattr(x, key) for x in trimmed.starts]) for key in _OF_START),
+            signals,
+        )
+        states, parameters, random, signals = map(lanes.blocks, arrays)
+        further = np.zeros((len(states), len(names.properties), lanes.width))
+        flown = _Flown(states, parameters, random, np.concatenate([signals, further], axis=1))
+        return State(self, step, lanes, len(trimmed.starts), flown, shown.__getitem__)
+
+    def _lanes_of(self, trimmed: Trimmed) -> tuple[CompiledStep, LaneStep]:
+        step = trimmed.step
+        if id(step) not in self._lanes:
+            self._lanes[id(step)] = step, in_lanes(step, trimmed.starts[0])
+        return self._lanes[id(step)]
+
+    def step(self, state: "State", inputs: Given = (), *, steps: int = 1) -> "State":
+        """Fly every flight on with its inputs held; `state` stays as it is.
+
+        Parameters
+        ----------
+        state : State
+            n flights of this aircraft.
+        inputs : array_like, shape (m,) or (n, m), or mapping
+            Inputs in the order of `inputs`, or some by name, each a number or n of them. A name may
+            also be a property of JSBSim that the step reads and does not write. What is not given
+            stays as it is.
+        steps : int
+            Integration steps, each of the length `State.dt`.
+
+        Returns
+        -------
+        State
+            The flights after the last step.
+        """
+        if steps < 1:
+            raise InputError(f"`steps` must be at least 1, got {got(steps)}.")
+        lanes, flown = state._lanes, state._flown.copy()
+        for place, row in self._places(state, inputs):
+            flown.parameters[:, place] = lanes.blocks(row[:, None])[:, 0]
+        before = flown.copy()
+        lanes.fly(flown.states, flown.parameters, flown.random, steps, flown.shown)
+        return State(self, state._step, lanes, len(state), flown, _Properties(lanes, before, steps))
+
+    def _places(self, state: "State", inputs: Given) -> list[tuple[int, Doubles]]:
+        """Places of inputs among the parameters, and a number of each for every flight."""
+        n, known = len(state), self._trims.inputs
+        if not isinstance(inputs, Mapping):
+            rows = numbers("inputs", inputs)
+            if not rows.size:
+                return []
+            if rows.shape not in ((len(known),), (n, len(known))):
+                shapes = f"({len(known)},) or ({n}, {len(known)})"
+                raise InputError(
+                    f"`inputs` must have the shape {shapes}, for {', '.join(known)}, got "
+                    f"{rows.shape}."
+                )
+            columns = np.broadcast_to(rows, (n, len(known))).T
+            inputs = dict(zip(known, columns, strict=True))
+        places, found = state._lanes.names.parameters, []
+        for name, given in inputs.items():
+            property_ = self._property(name)
+            if property_ not in places:
+                every = (*known, *self._trims.others, *places)
+                raise InputError(f"`inputs` must be of this step, got {_nearest(name, every)}.")
+            values = numbers(name, given)
+            if values.shape not in ((), (n,)):
+                raise InputError(f"`{name}` must be a number or {n} of them, got {got(given)}.")
+            found.append((places.index(property_), np.broadcast_to(values, (n,))))
+        return found
+
+    def _property(self, name: str) -> str:
+        return {**self._trims.inputs, **self._trims.others}.get(name, name)
+
+    def slopes(
+        self,
+        state: "State",
+        inputs: Given = (),
+        *,
+        of: Sequence[str],
+        by: Sequence[str],
+        steps: int = 1,
+    ) -> Doubles:
+        """Slopes of signals after some steps, exact to rounding.
+
+        Parameters
+        ----------
+        state, inputs, steps
+            As in `step`.
+        of : sequence of str
+            Signals, such as ``phi``.
+        by : sequence of str
+            Inputs, or states and parameters by their property in JSBSim's units, at the state.
+
+        Returns
+        -------
+        ndarray, shape (n, len(of), len(by))
+            Derivative of each signal. A value that jumps has the slope between its jumps.
+        """
+        machine = sloped(state._step)
+        names, lanes = machine.names, state._lanes
+        flown = state._flown.copy()
+        for place, row in self._places(state, inputs):
+            flown.parameters[:, place] = lanes.blocks(row[:, None])[:, 0]
+        n, found = len(state), np.empty((len(state), len(of), len(by)))
+        rows = [lanes.rows(x, n) for x in (flown.states, flown.parameters, flown.random)]
+        shown, places = np.zeros(len(names.signals)), []
+        for name in of:
+            if f"{SLOPE}{name}" not in names.signals:
+                raise InputError(f"`of` must be signals, got {_nearest(name, names.signals)}.")
+            places.append(names.signals.index(f"{SLOPE}{name}"))
+        for j, name in enumerate(by):
+            at = f"{SLOPE}{self._property(name)}"
+            if at not in (*names.states, *names.parameters):
+                known = (*self.inputs, *lanes.names.states, *lanes.names.parameters)
+                raise InputError(f"`by` must be inputs or properties, got {_nearest(name, known)}.")
+            for i in range(n):
+                states, parameters = (np.concatenate([x[i], 0.0 * x[i]]) for x in rows[:2])
+                for array, own in ((states, names.states), (parameters, names.parameters)):
+                    if at in own:
+                        array[own.index(at)] = 1.0
+                stream = machine.normals(rows[2][i].copy(), steps)
+                machine.fly(states, parameters, steps, stream, shown)
+                found[i, :, j] = shown[places]
+        return found
+
+
+_OF_START = "states", "parameters", "random"
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """Arrays of flights, each of shape (blocks, names, lanes of a vector)."""
+
+    states: Doubles
+    parameters: Doubles
+    random: npt.NDArray[np.int64]
+    shown: Doubles
+
+    @property
+    def arrays(self) -> tuple[npt.NDArray[Any], ...]:
+        return self.states, self.parameters, self.random, self.shown
+
+    def copy(self) -> "_Flown":
+        return _Flown(*(x.copy() for x in self.arrays))
+
+
+class _Properties:
+    """Properties after some steps, which are flown again when one is first asked for."""
+
+    def __init__(self, lanes: LaneStep, before: _Flown, steps: int) -> None:
+        self._lanes, self._before, self._steps = lanes, before, steps
+        self._at = {name: i for i, name in enumerate(lanes.names.properties)}
+        self._shown: Doubles | None = None
+
+    def __call__(self, name: str) -> Doubles:
+        at, signals = self._at[name], len(self._lanes.names.signals)
+        if self._shown is None:
+            states, parameters, random, self._shown = self._before.copy().arrays
+            self._lanes.fly(states, parameters, random, self._steps, self._shown, properties=True)
+        return self._shown[:, signals + at].reshape(-1)
+
+
+class State:
+    """Flights of an aircraft at one time; `Aircraft.trim` and `Aircraft.step` make it.
+
+    It does not change: what is kept is a flight saved, and stepping it again flies the same bits.
+    ``state["phi"]`` has a number for each flight, in SI and radians for signals such as ``chi``,
+    ``gamma``, ``phi``, ``n_z``, ``V_a``, ``h``, ``north``, ``east``, ``alpha``, ``p`` and
+    ``throttle``, and in JSBSim's units for its properties such as ``velocities/p-rad_sec``. Course
+    and heading lie in 0 to 2 pi. ``state[3:5]`` and ``state[mask]`` are the state of some flights.
+
+    Attributes
+    ----------
+    dt : float, s
+        Length of an integration step.
+    signals : tuple of str
+        Names of its signals.
+    """
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        step: CompiledStep,
+        lanes: LaneStep,
+        n: int,
+        flown: _Flown,
+        properties: Callable[[str], Doubles],
+    ) -> None:
+        self.aircraft, self._step, self._lanes, self._n = aircraft, step, lanes, n
+        self._flown, self._properties = flown, properties
+        self.dt = step.source.dt
+        self.signals = lanes.names.signals
+
+    def __len__(self) -> int:
+        return self._n
+
+    def __repr__(self) -> str:
+        return f"<{self._n} flights of {self.aircraft.name} at {self['t'].max():.3f} s>"
+
+    @overload
+    def __getitem__(self, key: str) -> Doubles: ...
+    @overload
+    def __getitem__(self, key: LaneIndex) -> "State": ...
+    def __getitem__(self, key: str | LaneIndex) -> "Doubles | State":
+        return self._values(key) if isinstance(key, str) else self._some(key)
+
+    def _values(self, name: str) -> Doubles:
+        """A signal or a property of every flight, shape (n,)."""
+        name, names, flown = _TIME if name == "t" else name, self._lanes.names, self._flown
+        for array, known in (
+            (flown.shown, names.signals),
+            (flown.states, names.states),
+            (flown.parameters, names.parameters),
+        ):
+            if name in known:
+                return array[:, known.index(name)].reshape(-1)[: self._n].copy()
+        if name in names.properties:
+            return self._properties(name)[: self._n].copy()
+        every = (*names.signals, *names.states, *names.parameters, *names.properties)
+        raise InputError(
+            f"a state has signals and properties by name, got {_nearest(name, every)}."
+        )
+
+    def _some(self, key: LaneIndex) -> "State":
+        lanes = np.atleast_1d(np.arange(self._n)[key])
+        if not len(lanes):
+            raise InputError("a state must have at least one flight, got none.")
+        rows = [self._lanes.blocks(self._lanes.rows(x, self._n)[lanes]) for x in self._flown.arrays]
+        of_all = self._properties
+        return self._with(len(lanes), _Flown(*rows), lambda name: of_all(name)[: self._n][lanes])
+
+    def _with(self, n: int, flown: _Flown, properties: Callable[[str], Doubles]) -> "State":
+        return State(self.aircraft, self._step, self._lanes, n, flown, properties)
+
+    def put(self, lanes: LaneIndex, other: "State") -> "State":
+        """The state with some flights exchanged for those of another state, one for each.
+
+        That puts flights back to where they were, and starts new ones in the lanes of others.
+        """
+        at = np.atleast_1d(np.arange(self._n)[lanes])
+        if other._lanes is not self._lanes:
+            raise InputError("`other` must be a state of this aircraft in the same kind of air.")
+        if len(other) not in (1, len(at)):
+            raise InputError(f"`other` must have {len(at)} flights or one, got {len(other)}.")
+        taken = np.broadcast_to(np.arange(len(other)), (len(at),))
+        flown, width = self._flown.copy(), self._lanes.width
+        for mine, others in zip(flown.arrays, other._flown.arrays, strict=True):
+            mine[at // width, :, at % width] = others[taken // width, :, taken % width]
+        before, new, n = self._properties, other._properties, self._n
+
+        def properties(name: str) -> Doubles:
+            values = before(name)[:n].copy()
+            values[at] = new(name)[taken]
+            return values
+
+        return self._with(n, flown, properties)
+
+    def copy(self) -> "State":
+        """A state of the same flights."""
+        return self._with(self._n, self._flown.copy(), self._properties)
+
+
+def numbers(name: str, given: npt.ArrayLike) -> Doubles:
+    """Finite numbers that were given under a name; an InputError if they are others."""
+    try:
+        values = np.asarray(given)
+    except ValueError:  # rows of several lengths
+        values = np.asarray(None)
+    if values.dtype.kind not in "fiu" and values.size:
+        raise InputError(f"`{name}` must be numbers, got {got(given)}.")
+    if not np.isfinite(values.astype(float)).all():
+        raise InputError(f"`{name}` must be finite, got {got(given)}.")
+    return values.astype(float)
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    """A name, and the one among those known that looks like it."""
+    like = difflib.get_close_matches(name, known, 1)
+    return f"`{name}`; did you mean `{like[0]}`?" if like else f"`{name}`"

@@ -1,0 +1,173 @@
+"""Starts of many flights of one aircraft, for the simulator of the compiled room."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import FlightTuneError, InputError, PlantError
+from flighttune.base.files.table import validated
+from flighttune.compiled.aircraft import CompiledStep, Start
+from flighttune.compiled.face import Refusal
+from flighttune.compiled.normals import seeded
+from flighttune.compiled.properties import Unsupported
+from flighttune.compiled.simulator import Inputs, Trimmed, numbers
+from flighttune.control.controller import FlightCondition
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
+from flighttune.vehicles.plants.jsbsim import properties, steps
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.model_files import unchanged
+from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant, check_off_nominal
+from flighttune.vehicles.plants.weather import CALM, Weather, WindProfile
+from flighttune.vehicles.weather_keys import TurbulenceTable
+
+_COMMANDS = {"phi_cmd": properties.PHI_CMD, "n_z_cmd": properties.N_Z_CMD}
+_SURFACES = dict(zip(("aileron", "elevator", "rudder", "throttle"), properties.TRIMS, strict=True))
+
+# Arguments of a flight that are no differences of the aircraft.
+_CONDITION = tuple(field.name for field in fields(FlightCondition) if field.name != "n_z")
+
+# Differences of an aircraft that are no numbers.
+_NO_NUMBERS = "coefficient_factors", "fault"
+
+
+def loaded(aircraft: str | Path, inputs: Inputs) -> "Simulated":
+    """An aircraft by its name or folder, with the inputs that its flights take."""
+    return Simulated(load_aircraft(aircraft), inputs)
+
+
+class Simulated:
+    """An aircraft whose flights the simulator of the compiled room starts."""
+
+    def __init__(self, config: AircraftConfig, inputs: Inputs) -> None:
+        self.name, self._config, self._by_surfaces = (
+            config.folder.name,
+            config,
+            inputs == "surfaces",
+        )
+        self.inputs = _SURFACES if self._by_surfaces else _COMMANDS
+        self.others = {} if self._by_surfaces else {"V_a_cmd": properties.V_A_CMD}
+
+    def trimmed(
+        self,
+        n: int | None,
+        *,
+        wind: npt.ArrayLike = CALM,
+        turbulence: str | None = None,
+        model: str = "tustin",
+        seed: npt.ArrayLike | None = None,
+        **given: npt.ArrayLike,
+    ) -> Trimmed:
+        """Flights that start in steady flight, as `Aircraft.trim` says."""
+        columns = {name: _differing(name, np.atleast_1d(x)) for name, x in self._read(given)}
+        winds, seeds = np.atleast_2d(numbers("wind", wind)), None
+        if winds.ndim != 2 or winds.shape[1] != len(CALM):
+            raise InputError(f"`wind` must have the shape (3,) or (n, 3), got {winds.shape}.")
+        every = {"wind": winds, **columns}
+        if seed is not None:
+            every["seed"] = seeds = np.atleast_1d(numbers("seed", seed))
+        n = _flights(n, every)
+        seeds = np.arange(n) if seeds is None else np.broadcast_to(seeds, n)
+        table = {"intensity": turbulence, "model": model}
+        dryden = turbulence and validated(TurbulenceTable, table, "`trim`").turbulence()
+        rows = [{name: float(x[i % len(x)]) for name, x in columns.items()} for i in range(n)]
+        step = steps.compiled(self._config_of(rows[0]), turbulence=dryden.model if dryden else None)
+        if isinstance(step, Refusal):
+            raise PlantError(f"{self._config.file}: it must fly compiled: {step.reason}")
+        known: dict[Any, tuple[Start, Mapping[str, float]]] = {}
+        starts, shown = [], []
+        for i, row in enumerate(rows):
+            north, east, down = map(float, winds[i % len(winds)])
+            if (key := (*row.values(), north, east, down)) not in known:
+                profile = WindProfile(((0.0, (north, east, down)),))
+                calm = not (dryden or north or east or down)
+                weather = None if calm else Weather(wind=profile, turbulence=dryden or None)
+                try:
+                    known[key] = self._started(step, row, weather)
+                except FlightTuneError as error:
+                    raise type(error)(f"flight {i}: {error}") from error
+            start, signals = known[key]
+            starts.append(replace(start, random=seeded(int(seeds[i]) or LARGEST_SEED + 1)))
+            shown.append(signals)
+        return Trimmed(step, starts, shown)
+
+    def _read(self, given: Mapping[str, npt.ArrayLike]) -> Iterator[tuple[str, FloatArray]]:
+        """The numbers of a trim by name."""
+        known = (*_CONDITION, *(x for x in OffNominal.model_fields if x not in _NO_NUMBERS))
+        for name, values in given.items():
+            if name not in known:
+                raise InputError(f"`trim` must be given {', '.join(known)}, got `{name}`.")
+            yield name, numbers(name, values)
+
+    def _config_of(self, row: Mapping[str, float]) -> AircraftConfig:
+        """The aircraft of a flight, with what differs from its files."""
+        differs = {name: x for name, x in row.items() if name not in _CONDITION}
+        if not differs:
+            return self._config
+        off = validated(OffNominal, differs, "`trim`")
+        config = self._config.with_off_nominal(off)
+        check_off_nominal(config)
+        return config
+
+    def _started(
+        self, step: CompiledStep, row: Mapping[str, float], weather: Weather | None
+    ) -> tuple[Start, Mapping[str, float]]:
+        """A start, and what it shows."""
+        config = self._config_of(row)
+        files = unchanged(config)
+        own = steps.compiled(config, turbulence=step.air.turbulence, files=files)
+        if isinstance(own, Refusal) or own.source != step.source:
+            why = own.reason if isinstance(own, Refusal) else "other parts of its model differ"
+            raise PlantError(f"it must have the step of the first flight: {why}")
+        V_a, h = steps.design_flight(config)
+        given = {"V_a": V_a, "h": h} | {name: row[name] for name in _CONDITION if name in row}
+        plant = JSBSimPlant(config, weather=weather)
+        plant.start(FlightCondition(**given), steps.evaluated(config, files=files))
+        fdm = plant.fdm
+        assert fdm is not None  # it has started
+        shown = {name: _value(fdm, name) for name in step.names.properties}
+        shown |= dict(zip(plant.signals, plant.observe(), strict=True))
+        start = steps.start_of(step, plant)
+        return (self._disengaged(step, start, shown) if self._by_surfaces else start), shown
+
+    def _disengaged(self, step: CompiledStep, start: Start, shown: Mapping[str, float]) -> Start:
+        """A start whose surfaces stay where they are, without the inner loop."""
+        parameters, names = start.parameters.copy(), step.names.parameters
+        held = {property_: shown[name] for name, property_ in self.inputs.items()}
+        for name, value in {properties.ENGAGED: 0.0, **held}.items():
+            parameters[names.index(name)] = value
+        return replace(start, parameters=parameters)
+
+
+def _value(fdm: Fdm, name: str) -> float:
+    """A property at a start; not a number where only a step has it."""
+    try:
+        return fdm.value(name, np.nan)
+    except (PlantError, Unsupported):
+        return np.nan
+
+
+def _differing(name: str, values: FloatArray) -> FloatArray:
+    """Values of which none leaves an aircraft as its files have it where another one does not.
+
+    A model with a factor has other parts than one without, and all flights have the same parts.
+    """
+    field = OffNominal.model_fields.get(name)
+    if field is None or (values == field.default).all():
+        return values
+    nearly = np.nextafter(field.default, np.inf)  # changes nothing that is larger than rounding
+    return np.where(values == field.default, nearly, values)
+
+
+def _flights(n: int | None, columns: Mapping[str, FloatArray]) -> int:
+    """The number of flights that all arguments state."""
+    lengths = {name: len(x) for name, x in columns.items() if len(x) != 1}
+    n = n or max(lengths.values(), default=1)
+    for name, length in lengths.items():
+        if length != n:
+            raise InputError(f"`{name}` must be one value or {n} of them, got {length}.")
+    return n
