@@ -64,7 +64,7 @@ def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:
 
 def public_names() -> list[str]:
     """Public names as they are written behind ``ft.``, those of its namespaces with both parts."""
-    spaces = {"gym": flighttune.gym.__all__, "loop": dir(flighttune.loop)}
+    spaces = {name: getattr(flighttune, name).__all__ for name in ("compiled", "gym", "loop")}
     names = [*(name for name in dir(flighttune) if name not in spaces)]
     names += [f"{space}.{name}" for space, inside in spaces.items() for name in inside]
     return [name for name in names if "__" not in name]

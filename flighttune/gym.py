@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flighttune.base.arrays import FloatArray, got
+from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, ScenarioError, TrimError, need
 from flighttune.base.files import code
 from flighttune.base.files.table import validated
 from flighttune.base.signatures import with_short_signatures
 from flighttune.base.units import DEG, wrap_angle
+from flighttune.base.words import got
 from flighttune.campaigns.planning import plan, schema, source
 from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
 from flighttune.control.controller_keys import ControllerTable

@@ -16,10 +16,11 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.arrays import got, is_number
+from flighttune.base.arrays import is_number
 from flighttune.base.errors import InputError
 from flighttune.base.files.budget import is_name
 from flighttune.base.signatures import short_signature
+from flighttune.base.words import got
 
 Call = TypeVar("Call", bound=Callable[..., Any])
 Kind = TypeVar("Kind")

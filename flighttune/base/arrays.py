@@ -11,6 +11,7 @@ import numpy.typing as npt
 from pydantic import PlainSerializer, PlainValidator
 
 from flighttune.base.errors import InputError, ShapeError
+from flighttune.base.words import got
 
 
 def _array_of(lists: Any) -> npt.NDArray[np.float64]:
@@ -32,9 +33,6 @@ FloatArray: TypeAlias = Annotated[
     npt.NDArray[np.float64], PlainValidator(_array_of), PlainSerializer(np.ndarray.tolist)
 ]
 Floats: TypeAlias = float | FloatArray
-
-
-MAX_SHOWN = 80  # characters of a text that a message repeats
 
 
 def _check(
@@ -120,22 +118,6 @@ def numbers_of(name: str, value: Any) -> FloatArray:
     except (ValueError, TypeError, OverflowError):  # ragged rows, or not numbers
         pass
     raise InputError(f"`{name}` must be real numbers in rows of one length, got {got(value)}.")
-
-
-def got(value: Any) -> str:
-    """A value as a message repeats it, or its kind if it is too long for a line."""
-    if isinstance(value, numbers.Integral) and not isinstance(value, bool):
-        whole = int(value)
-        if abs(whole) >= 10**20:
-            return f"a whole number of {int(math.log10(2) * whole.bit_length()) + 1} digits"
-        return str(whole)
-    if value is None or isinstance(value, bool | float | complex):
-        return str(value)
-    if isinstance(value, str | bytes):
-        text = repr(value)
-        return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN // 2]} ..."
-    name = type(value).__name__.removeprefix("nd")  # an array spans several lines
-    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
 
 
 def read_only_matrix(

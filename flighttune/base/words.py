@@ -1,6 +1,7 @@
 """Numbers and names as text: for sentences, tables and refusals."""
 
 import math
+import numbers
 import re
 from collections.abc import Callable, Iterable, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
@@ -10,6 +11,8 @@ from flighttune.base.errors import printable
 
 # Text in place of a missing number.
 MISSING = "–"
+
+MAX_SHOWN = 80  # characters of a text that a message repeats
 
 
 def quoted(text: str) -> str:
@@ -152,3 +155,19 @@ def duration(seconds: float) -> str:
 def pick(value: object, names: str) -> dict[str, Any]:
     """Attributes of `value` by name; `names` are separated by spaces."""
     return {name: getattr(value, name) for name in names.split()}
+
+
+def got(value: Any) -> str:
+    """A value as a message repeats it, or its kind if it is too long for a line."""
+    if isinstance(value, numbers.Integral) and not isinstance(value, bool):
+        whole = int(value)
+        if abs(whole) >= 10**20:
+            return f"a whole number of {int(math.log10(2) * whole.bit_length()) + 1} digits"
+        return str(whole)
+    if value is None or isinstance(value, bool | float | complex):
+        return str(value)
+    if isinstance(value, str | bytes):
+        text = repr(value)
+        return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN // 2]} ..."
+    name = type(value).__name__.removeprefix("nd")  # an array spans several lines
+    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """An aircraft of JSBSim as a simulator of many flights at once: a state, and a step of it."""
 
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -11,8 +10,9 @@ from typing import Any, Literal, Protocol, TypeAlias, overload
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.arrays import got
 from flighttune.base.errors import InputError
+from flighttune.base.files.shipped import nearest_name
+from flighttune.base.words import got
 from flighttune.compiled.aircraft import CompiledStep, Start
 from flighttune.compiled.dynamics import Doubles
 from flighttune.compiled.face import in_lanes, sloped
@@ -20,7 +20,7 @@ from flighttune.compiled.lanes import LaneStep
 from flighttune.compiled.slopes import SLOPE
 
 # The module that knows aircraft by name and folder, and trims them.
-AIRCRAFT = "flighttune.vehicles.plants.jsbsim.simulated"
+AIRCRAFT = "flighttune.vehicles.simulated"
 
 # Time since the start, s.
 _TIME = "simulation/sim-time-sec"
@@ -208,7 +208,9 @@ class Aircraft:
             property_ = self._property(name)
             if property_ not in places:
                 every = (*known, *self._trims.others, *places)
-                raise InputError(f"`inputs` must be of this step, got {_nearest(name, every)}.")
+                raise InputError(
+                    f"`inputs` must be of this step, got `{name}`{nearest_name(name, every)}"
+                )
             values = numbers(name, given)
             if values.shape not in ((), (n,)):
                 raise InputError(f"`{name}` must be a number or {n} of them, got {got(given)}.")
@@ -244,31 +246,33 @@ class Aircraft:
             Derivative of each signal. A value that jumps has the slope between its jumps.
         """
         machine = sloped(state._step)
-        names, lanes = machine.names, state._lanes
-        flown = state._flown.copy()
-        for place, row in self._places(state, inputs):
-            flown.parameters[:, place] = lanes.blocks(row[:, None])[:, 0]
-        n, found = len(state), np.empty((len(state), len(of), len(by)))
-        rows = [lanes.rows(x, n) for x in (flown.states, flown.parameters, flown.random)]
-        shown, places = np.zeros(len(names.signals)), []
-        for name in of:
-            if f"{SLOPE}{name}" not in names.signals:
-                raise InputError(f"`of` must be signals, got {_nearest(name, names.signals)}.")
-            places.append(names.signals.index(f"{SLOPE}{name}"))
-        for j, name in enumerate(by):
-            at = f"{SLOPE}{self._property(name)}"
-            if at not in (*names.states, *names.parameters):
-                known = (*self.inputs, *lanes.names.states, *lanes.names.parameters)
-                raise InputError(f"`by` must be inputs or properties, got {_nearest(name, known)}.")
-            for i in range(n):
-                states, parameters = (np.concatenate([x[i], 0.0 * x[i]]) for x in rows[:2])
-                for array, own in ((states, names.states), (parameters, names.parameters)):
-                    if at in own:
-                        array[own.index(at)] = 1.0
-                stream = machine.normals(rows[2][i].copy(), steps)
-                machine.fly(states, parameters, steps, stream, shown)
+        names, lanes, n = machine.names, state._lanes, len(state)
+        places = [self._sloped(name, names.signals, "`of` must be signals") for name in of]
+        every = (*names.states, *names.parameters)
+        sources = [self._sloped(name, every, "`by` must be inputs or properties") for name in by]
+        parameters = lanes.rows(state._flown.parameters, n).copy()
+        for place, values in self._places(state, inputs):
+            parameters[:, place] = values
+        states, random = (lanes.rows(x, n) for x in (state._flown.states, state._flown.random))
+        found, shown = np.empty((n, len(of), len(by))), np.zeros(len(names.signals))
+        for i, (row, own) in enumerate(zip(states, parameters, strict=True)):
+            stream = machine.normals(random[i].copy(), steps)
+            # What flies, and the slopes of states and parameters by one of them.
+            still = np.concatenate([row, 0.0 * row, own, 0.0 * own])
+            for j, source in enumerate(sources):
+                flown = still.copy()
+                flown[source] = 1.0
+                machine.fly(flown[: 2 * len(row)], flown[2 * len(row) :], steps, stream, shown)
                 found[i, :, j] = shown[places]
         return found
+
+    def _sloped(self, name: str, names: Sequence[str], must: str) -> int:
+        """The place of the slope of a name among names."""
+        at = f"{SLOPE}{self._property(name)}"
+        if at not in names:
+            known = [x.removeprefix(SLOPE) for x in names if x.startswith(SLOPE)]
+            raise _unknown(must, name, (*self.inputs, *known))
+        return names.index(at)
 
 
 _OF_START = "states", "parameters", "random"
@@ -364,9 +368,7 @@ class State:
         if name in names.properties:
             return self._properties(name)[: self._n].copy()
         every = (*names.signals, *names.states, *names.parameters, *names.properties)
-        raise InputError(
-            f"a state has signals and properties by name, got {_nearest(name, every)}."
-        )
+        raise _unknown("a state has signals and properties by name", name, every)
 
     def _some(self, key: LaneIndex) -> "State":
         lanes = np.atleast_1d(np.arange(self._n)[key])
@@ -420,7 +422,5 @@ def numbers(name: str, given: npt.ArrayLike) -> Doubles:
     return values.astype(float)
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
-    """A name, and the one among those known that looks like it."""
-    like = difflib.get_close_matches(name, known, 1)
-    return f"`{name}`; did you mean `{like[0]}`?" if like else f"`{name}`"
+def _unknown(must: str, name: str, known: Sequence[str]) -> InputError:
+    return InputError(f"{must}, got `{name}`{nearest_name(name, known)}")

@@ -181,7 +181,7 @@ def test_slopes_are_the_differences_of_flights(aerosonde, flights):
         )
         for i, signal in enumerate(of):
             wanted = (more[signal] - less[signal]) / (2.0 * step)
-            assert found[:, i, j] == pytest.approx(wanted, rel=1e-5, abs=1e-7)
+            assert found[:, i, j] == pytest.approx(wanted, rel=1e-4, abs=1e-7)
 
 
 REFUSED = {
@@ -189,7 +189,7 @@ REFUSED = {
     "a row too few": (lambda a, s: a.step(s, np.zeros((6, 2))), r"got \(6, 2\)"),
     "rows of several lengths": (lambda a, s: a.step(s, [[0.0], [0.0, 1.0]]), "must be numbers"),
     "not finite": (lambda a, s: a.step(s, [math.nan, 1.0]), "`inputs` must be finite"),
-    "a signal as input": (lambda a, s: a.step(s, {"phi": 1.0}), "did you mean `phi_cmd`"),
+    "a signal as input": (lambda a, s: a.step(s, {"phi": 1.0}), "did you mean phi_cmd"),
     "too many values": (lambda a, s: a.step(s, {"phi_cmd": [0.0] * 3}), "a number or 7 of them"),
     "no steps": (lambda a, s: a.step(s, steps=0), "`steps` must be at least 1, got 0"),
     "a property that is none": (lambda a, s: s["velocities/p-rad"], "velocities/p-rad_sec"),

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flighttune.base.answering import function_for
-from flighttune.base.arrays import got
 from flighttune.base.errors import InputError
+from flighttune.base.words import got
 from flighttune.claims.counted import SignalBounds
 from flighttune.claims.mission import MissionOdds
 from flighttune.claims.monitor import LogMonitor
