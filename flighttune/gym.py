@@ -24,6 +24,7 @@ from flighttune.control.gains_keys import default_gains
 from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
+from flighttune.flight.loop.aircraft import CompiledAircraft, inside
 from flighttune.flight.loop.loop import Flight, Sample, step_of
 from flighttune.flight.loop.run import Run, RunStatus
 from flighttune.flight.models import gain_set, law_setup
@@ -36,12 +37,12 @@ if TYPE_CHECKING or find_spec("gymnasium"):
 else:  # its name stays public without the extra, and `need` says what is missing
     Env = object
 
-__all__ = ["FlightEnv"]
+__all__ = ["FlightEnv", "FlightVectorEnv"]  # noqa: F822 (by `__getattr__`)
 
 # Errors of position, angles and airspeed that each cost half of the reward of a step.
 HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
 
-# Size of observed values that a scaled environment shows as 1; `_sizes` has the others.
+# Size of observed values that a scaled environment shows as 1; `sizes` has the others.
 SIZES = {
     **dict.fromkeys(("chi_err", "gamma_err", "phi"), math.pi),
     **dict.fromkeys(("chi_dot_ref", "gamma_dot_ref"), 1.0),
@@ -97,6 +98,10 @@ class FlightEnv(Env):
         ``V_err`` and n_x with its least and largest value.
     scenario : Scenario
         The scenario of this episode, with its seed and what was drawn.
+    plant, gains : str
+        Label of the plant, and name of the gain set.
+    sizes : ndarray or None
+        Size of each observed value that is shown as 1; None without scaling.
 
     Raises
     ------
@@ -143,12 +148,12 @@ class FlightEnv(Env):
             self._plan = plan.plan_campaign(campaign.model_copy(update=both))
             stated = self._plan.scenario
         self._world = self.scenario = scenario = _at(rate_hz, stated)
-        self._plant = plant or (*scenario.aircraft, *scenario.plant)[0].label
+        self.plant = plant or (*scenario.aircraft, *scenario.plant)[0].label
         names = scenario.gain_names
         if gains not in (None, *names):
             raise InputError(f"`gains` must be one of {', '.join(names)}, got {gains}.")
-        self._gains = gains or default_gains(names)
-        self._gain_set = None if self._plan is None else self._plan.gain_sets[self._gains]
+        self.gains = gains or default_gains(names)
+        self._gain_set = None if self._plan is None else self._plan.gain_sets[self.gains]
         self._episode = self._prepared(scenario)
         limits = self._episode.limits
         if not np.isfinite([limits.lower, limits.upper]).all():
@@ -163,7 +168,7 @@ class FlightEnv(Env):
             *(("cross_track", "height_err") if scenario.route is not None else ()),
             *(("V_err", *N_X_SIGNALS) if scenario.airspeed else ()),
         )
-        self._sizes = self._sizes_of(scenario) if scaled else None
+        self.sizes = self._sizes_of(scenario) if scaled else None
         ends = (
             (-np.ones_like(limits.lower), np.ones_like(limits.upper))
             if scaled
@@ -185,7 +190,7 @@ class FlightEnv(Env):
     def _observation(self) -> FloatArray:
         """The latest observation, in the units of this environment."""
         seen = self._episode.observation()
-        return seen if self._sizes is None else np.clip(seen / self._sizes, -1.0, 1.0)
+        return seen if self.sizes is None else np.clip(seen / self.sizes, -1.0, 1.0)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -205,8 +210,17 @@ class FlightEnv(Env):
                 if not left:
                     raise
 
+    @property
+    def draws(self) -> int:
+        """Number of draws of the campaign; 0 where the world is a scenario."""
+        return 0 if self._plan is None else self._plan.draws
+
+    def scenario_of(self, draw: int | None) -> Scenario:
+        """A draw of the campaign, or the scenario of the world."""
+        return self._world if self._plan is None or draw is None else self._plan.scenario_of(draw)
+
     def _prepared(self, scenario: Scenario) -> "_Episode":
-        return _Episode(entry_of(scenario, self._gains, None, self._plant))
+        return _Episode(entry_of(scenario, self.gains, None, self.plant))
 
     def _begin(self, draw: int | None) -> dict[str, Any]:
         info = {}
@@ -214,8 +228,8 @@ class FlightEnv(Env):
             seed = int(self.np_random.integers(LARGEST_SEED + 1))
             self.scenario = self._world.model_copy(update={"seed": seed})
         else:
-            draw = int(self.np_random.integers(self._plan.draws)) if draw is None else draw
-            self.scenario, info = self._plan.scenario_of(draw), {"draw": draw}
+            draw = int(self.np_random.integers(self.draws)) if draw is None else draw
+            self.scenario, info = self.scenario_of(draw), {"draw": draw}
         self._episode = self._prepared(self.scenario)
         self._episode.start()
         return {"seed": self.scenario.seed, **info}
@@ -231,7 +245,7 @@ class FlightEnv(Env):
         if episode.over:
             raise InputError("`reset` must be called before `step`: no flight is under way.")
         given = self._numbers(action)
-        if self._sizes is not None:
+        if self.sizes is not None:
             low, high = episode.limits.lower, episode.limits.upper
             given = low + (given + 1.0) * (high - low) / 2.0
         episode.agent.action = given
@@ -277,11 +291,11 @@ class FlightEnv(Env):
         if self._episode.over or not np.array_equal(obs, self._observation()):
             raise InputError("`obs` must be the latest observation of a flight under way.")
         if self._gain_set is None:
-            self._gain_set = gain_set(self._world, self._gains)
+            self._gain_set = gain_set(self._world, self.gains)
         if self._gain_set is None:
-            raise InputError(f"`gains` must be feasible, got {self._gains}: tuning found none.")
+            raise InputError(f"`gains` must be feasible, got {self.gains}: tuning found none.")
         action = self._episode.law_action(self._gain_set)
-        if self._sizes is None:
+        if self.sizes is None:
             return action
         low, high = self._episode.limits.lower, self._episode.limits.upper
         return 2.0 * (action - low) / (high - low) - 1.0
@@ -322,7 +336,11 @@ class _Episode:
     def __init__(self, entry: Entry) -> None:
         entry = self.entry = entry.bound("plant")
         scenario = entry.scenario
-        plant = plant_of(entry.plant, scenario, steady_wind(scenario))
+        from flighttune.flight.loop.kernel import COMPILED
+
+        plant = plant_of(entry.plant, scenario, steady_wind(scenario), compiled=COMPILED)
+        if (aircraft := inside(plant, CompiledAircraft)) is not None:
+            aircraft.compiles = True
         self.limits = entry.limits.within(plant.limits)
         self.agent = _Agent(1.0 / scenario.controller.rate_hz)
         self._actions = GuardedLaw(self.agent, self.limits, "action")
@@ -399,4 +417,14 @@ def _at(rate_hz: float, scenario: Scenario) -> Scenario:
 
 
 if Env is not object:
-    register(NAME, "flighttune.gym:FlightEnv", kwargs={"world": WORLD, "scaled": True})
+    many = "flighttune.gym_vector:FlightVectorEnv"
+    options = {"world": WORLD, "scaled": True}
+    register(NAME, "flighttune.gym:FlightEnv", vector_entry_point=many, kwargs=options)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "FlightVectorEnv":  # whose module takes from this one
+        from flighttune.gym_vector import FlightVectorEnv
+
+        return FlightVectorEnv
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,7 +2,7 @@
 """An aircraft of JSBSim as a simulator of many flights at once: a state, and a step of it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias, overload
@@ -17,6 +17,7 @@ from flighttune.compiled.aircraft import CompiledStep, Start
 from flighttune.compiled.dynamics import Doubles
 from flighttune.compiled.face import in_lanes, sloped
 from flighttune.compiled.lanes import LaneStep
+from flighttune.compiled.normals import seeded
 from flighttune.compiled.slopes import SLOPE
 
 # The module that knows aircraft by name and folder, and trims them.
@@ -139,7 +140,10 @@ class Aircraft:
         TrimError
             If there is no steady flight.
         """
-        trimmed = self._trims.trimmed(n, **given)
+        return self.begin(self._trims.trimmed(n, **given))
+
+    def begin(self, trimmed: Trimmed) -> "State":
+        """Flights from their starts."""
         step, lanes = self._lanes_of(trimmed)
         names = lanes.names
         shown = {name: np.array([x[name] for x in trimmed.shown]) for name in trimmed.shown[0]}
@@ -181,12 +185,21 @@ class Aircraft:
         """
         if steps < 1:
             raise InputError(f"`steps` must be at least 1, got {got(steps)}.")
-        lanes, flown = state._lanes, state._flown.copy()
-        for place, row in self._places(state, inputs):
-            flown.parameters[:, place] = lanes.blocks(row[:, None])[:, 0]
-        before = flown.copy()
+        lanes, before = state._lanes, state._flown
+        if places := self._places(state, inputs):
+            parameters = before.parameters.copy()
+            for place, row in places:
+                parameters[:, place] = lanes.blocks(row[:, None])[:, 0]
+            before = replace(before, parameters=parameters)
+        # Parameters do not change in a step, and the state before it is never written to.
+        flown = replace(
+            before,
+            states=before.states.copy(),
+            random=before.random.copy(),
+            shown=np.empty_like(before.shown),
+        )
         lanes.fly(flown.states, flown.parameters, flown.random, steps, flown.shown)
-        return State(self, state._step, lanes, len(state), flown, _Properties(lanes, before, steps))
+        return state._with(len(state), flown, _Properties(lanes, before, steps))
 
     def _places(self, state: "State", inputs: Given) -> list[tuple[int, Doubles]]:
         """Places of inputs among the parameters, and a number of each for every flight."""
@@ -403,6 +416,13 @@ class State:
             return values
 
         return self._with(n, flown, properties)
+
+    def with_seeds(self, seeds: Sequence[int] | npt.NDArray[np.integer[Any]]) -> "State":
+        """The state with other turbulence from now on, by a seed for each flight."""
+        if np.shape(seeds) != (self._n,):
+            raise InputError(f"`seeds` must be {self._n} numbers, got {got(seeds)}.")
+        random = self._lanes.blocks(np.stack([seeded(int(seed)) for seed in seeds]))
+        return self._with(self._n, replace(self._flown, random=random), self._properties)
 
     def copy(self) -> "State":
         """A state of the same flights."""

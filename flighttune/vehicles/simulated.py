@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,21 @@ from flighttune.compiled.normals import seeded
 from flighttune.compiled.properties import Unsupported
 from flighttune.compiled.simulator import Inputs, Trimmed, numbers
 from flighttune.control.controller import FlightCondition
-from flighttune.vehicles.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
+from flighttune.vehicles.aircraft.aircraft import (
+    SURFACES,
+    AircraftConfig,
+    OffNominal,
+    load_aircraft,
+)
 from flighttune.vehicles.plants.jsbsim import properties, steps
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.jsbsim.model_files import unchanged
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant, check_off_nominal
-from flighttune.vehicles.plants.weather import CALM, Weather, WindProfile
+from flighttune.vehicles.plants.weather import CALM, NED, Weather, WindProfile
 from flighttune.vehicles.weather_keys import TurbulenceTable
 
-_COMMANDS = {"phi_cmd": properties.PHI_CMD, "n_z_cmd": properties.N_Z_CMD}
-_SURFACES = dict(zip(("aileron", "elevator", "rudder", "throttle"), properties.TRIMS, strict=True))
+_COMMANDS: Mapping[str, str] = {"phi_cmd": properties.PHI_CMD, "n_z_cmd": properties.N_Z_CMD}
+_SURFACES: Mapping[str, str] = dict(zip((*SURFACES, "throttle"), properties.TRIMS, strict=True))
 
 # Arguments of a flight that are no differences of the aircraft.
 _CONDITION = tuple(field.name for field in fields(FlightCondition) if field.name != "n_z")
@@ -44,13 +50,12 @@ class Simulated:
     """An aircraft whose flights the simulator of the compiled room starts."""
 
     def __init__(self, config: AircraftConfig, inputs: Inputs) -> None:
-        self.name, self._config, self._by_surfaces = (
-            config.folder.name,
-            config,
-            inputs == "surfaces",
+        self.name, self._config = config.folder.name, config
+        self._by_surfaces = inputs == "surfaces"
+        self.inputs: Mapping[str, str] = _SURFACES if self._by_surfaces else _COMMANDS
+        self.others: Mapping[str, str] = (
+            {} if self._by_surfaces else {"V_a_cmd": properties.V_A_CMD}
         )
-        self.inputs = _SURFACES if self._by_surfaces else _COMMANDS
-        self.others = {} if self._by_surfaces else {"V_a_cmd": properties.V_A_CMD}
 
     def trimmed(
         self,
@@ -64,36 +69,33 @@ class Simulated:
     ) -> Trimmed:
         """Flights that start in steady flight, as `Aircraft.trim` says."""
         columns = {name: _differing(name, np.atleast_1d(x)) for name, x in self._read(given)}
-        winds, seeds = np.atleast_2d(numbers("wind", wind)), None
+        winds = np.atleast_2d(numbers("wind", wind))
         if winds.ndim != 2 or winds.shape[1] != len(CALM):
             raise InputError(f"`wind` must have the shape (3,) or (n, 3), got {winds.shape}.")
-        every = {"wind": winds, **columns}
-        if seed is not None:
-            every["seed"] = seeds = np.atleast_1d(numbers("seed", seed))
-        n = _flights(n, every)
-        seeds = np.arange(n) if seeds is None else np.broadcast_to(seeds, n)
+        seeds = None if seed is None else np.atleast_1d(numbers("seed", seed))
+        n = _flights(n, columns | {"wind": winds} | ({} if seeds is None else {"seed": seeds}))
         table = {"intensity": turbulence, "model": model}
-        dryden = turbulence and validated(TurbulenceTable, table, "`trim`").turbulence()
-        rows = [{name: float(x[i % len(x)]) for name, x in columns.items()} for i in range(n)]
-        step = steps.compiled(self._config_of(rows[0]), turbulence=dryden.model if dryden else None)
-        if isinstance(step, Refusal):
-            raise PlantError(f"{self._config.file}: it must fly compiled: {step.reason}")
-        known: dict[Any, tuple[Start, Mapping[str, float]]] = {}
-        starts, shown = [], []
-        for i, row in enumerate(rows):
-            north, east, down = map(float, winds[i % len(winds)])
-            if (key := (*row.values(), north, east, down)) not in known:
-                profile = WindProfile(((0.0, (north, east, down)),))
-                calm = not (dryden or north or east or down)
-                weather = None if calm else Weather(wind=profile, turbulence=dryden or None)
-                try:
-                    known[key] = self._started(step, row, weather)
-                except FlightTuneError as error:
-                    raise type(error)(f"flight {i}: {error}") from error
-            start, signals = known[key]
-            starts.append(replace(start, random=seeded(int(seeds[i]) or LARGEST_SEED + 1)))
-            shown.append(signals)
-        return Trimmed(step, starts, shown)
+        dryden = validated(TurbulenceTable, table, "`trim`").turbulence() if turbulence else None
+
+        @cache
+        def begun(row: tuple[tuple[str, float], ...], air: NED) -> Any:
+            profile, windy = WindProfile(((0.0, air),)), dryden or any(air)
+            weather = Weather(wind=profile, turbulence=dryden) if windy else None
+            return self._started(dict(row), weather)
+
+        flights = []
+        for i, drawn in enumerate(np.arange(n) if seeds is None else np.broadcast_to(seeds, n)):
+            row = tuple((name, float(x[i % len(x)])) for name, x in columns.items())
+            try:
+                step, start, shown = begun(row, tuple(winds[i % len(winds)].tolist()))
+            except FlightTuneError as error:
+                raise type(error)(f"flight {i}: {error}") from error
+            if flights and step.source != flights[0][0].source:
+                raise PlantError(f"flight {i}: its model has other parts than that of the first.")
+            random = seeded(int(drawn) or LARGEST_SEED + 1)
+            flights.append((step, replace(start, random=random), shown))
+        every, starts, shown = zip(*flights, strict=True)
+        return Trimmed(every[0], starts, shown)
 
     def _read(self, given: Mapping[str, npt.ArrayLike]) -> Iterator[tuple[str, FloatArray]]:
         """The numbers of a trim by name."""
@@ -114,25 +116,15 @@ class Simulated:
         return config
 
     def _started(
-        self, step: CompiledStep, row: Mapping[str, float], weather: Weather | None
-    ) -> tuple[Start, Mapping[str, float]]:
-        """A start, and what it shows."""
+        self, row: Mapping[str, float], weather: Weather | None
+    ) -> tuple[CompiledStep, Start, Mapping[str, float]]:
+        """Step and start of a flight, and what it shows."""
         config = self._config_of(row)
-        files = unchanged(config)
-        own = steps.compiled(config, turbulence=step.air.turbulence, files=files)
-        if isinstance(own, Refusal) or own.source != step.source:
-            why = own.reason if isinstance(own, Refusal) else "other parts of its model differ"
-            raise PlantError(f"it must have the step of the first flight: {why}")
         V_a, h = steps.design_flight(config)
         given = {"V_a": V_a, "h": h} | {name: row[name] for name in _CONDITION if name in row}
         plant = JSBSimPlant(config, weather=weather)
-        plant.start(FlightCondition(**given), steps.evaluated(config, files=files))
-        fdm = plant.fdm
-        assert fdm is not None  # it has started
-        shown = {name: _value(fdm, name) for name in step.names.properties}
-        shown |= dict(zip(plant.signals, plant.observe(), strict=True))
-        start = steps.start_of(step, plant)
-        return (self._disengaged(step, start, shown) if self._by_surfaces else start), shown
+        step, start, shown = started(plant, FlightCondition(**given))
+        return step, (self._disengaged(step, start, shown) if self._by_surfaces else start), shown
 
     def _disengaged(self, step: CompiledStep, start: Start, shown: Mapping[str, float]) -> Start:
         """A start whose surfaces stay where they are, without the inner loop."""
@@ -141,6 +133,38 @@ class Simulated:
         for name, value in {properties.ENGAGED: 0.0, **held}.items():
             parameters[names.index(name)] = value
         return replace(start, parameters=parameters)
+
+
+def started(
+    plant: JSBSimPlant, condition: FlightCondition
+) -> tuple[CompiledStep, Start, Mapping[str, float]]:
+    """Step and start of an aircraft with its weather, and what it shows there.
+
+    Raises PlantError where only JSBSim can fly: several integration steps in a sample of the inner
+    loop, a wind that changes, or a fault.
+    """
+    config, air = plant.config, plant.weather or Weather()
+    files = unchanged(config)
+    step = steps.compiled(
+        config,
+        turbulence=air.turbulence and air.turbulence.model,
+        gust=air.gust is not None,
+        files=files,
+    )
+    why = step.reason if isinstance(step, Refusal) else ""
+    if air.changes:
+        why = "its wind changes over time or height"
+    elif plant.steps > 1:
+        why = "a sample of its inner loop has several integration steps"
+    if not why:
+        plant.start(condition, steps.evaluated(config, ground=plant.ground, files=files))
+        why = "something changes in flight" if plant.changes() else ""
+    fdm = plant.fdm
+    if why or isinstance(step, Refusal) or fdm is None:
+        raise PlantError(f"{config.file}: it must fly compiled: {why}.")
+    shown = {name: _value(fdm, name) for name in step.names.properties}
+    shown |= dict(zip(plant.signals, plant.observe(), strict=True))
+    return step, steps.start_of(step, plant), shown
 
 
 def _value(fdm: Fdm, name: str) -> float:

@@ -296,7 +296,7 @@ class Flight:
             end, ahead = reference.path.length, reference.look_ahead
             speed, path = reference.start_speed, reference.table
         else:
-            refs = np.ascontiguousarray(np.transpose(_sampled(reference, t, lead)))
+            refs = np.ascontiguousarray(np.transpose(sampled(reference, t, lead)))
             if isinstance(controller, MimoPI) and controller.feed_forward:
                 further = _feed_forward(reference, t, refs[:, 1])
         engines = shown.index(N_X_SIGNALS[-1]) if self._priority else -1
@@ -522,7 +522,7 @@ def _references(
 ) -> Iterable[ReferenceSample]:
     if isinstance(reference, following.RouteReference):
         return repeat(ReferenceSample(*reference.initial), len(t))  # the follower replaces it
-    values = np.stack(_sampled(reference, t, lead))
+    values = np.stack(sampled(reference, t, lead))
     if isinstance(reference, FeasibleReference):
         planned = map(tuple, reference.commands(t).tolist())
         return map(ReferenceSample, *values.tolist(), planned)
@@ -531,7 +531,7 @@ def _references(
     return map(ReferenceSample, *values.tolist())
 
 
-def _sampled(
+def sampled(
     reference: Reference | FeasibleReference, t: np.ndarray, lead: tuple[float, float]
 ) -> list[FloatArray]:
     """Course, path angle and their rates at each time."""
