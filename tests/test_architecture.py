@@ -23,7 +23,7 @@ ONLY_IN = {
     "cvxpy": "control/theory/lmi.py",
     "dask": "campaigns/engine/cluster",
     "distributed": "campaigns/engine/cluster",
-    "gymnasium": "gym.py",
+    "gymnasium": "gym/",
     "jsbsim": "vehicles/plants/jsbsim",
     "llvmlite": "compiled/machine.py",
     "numba": "flight/loop/kernel.py",

@@ -33,11 +33,9 @@ from flighttune.vehicles.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 
 if TYPE_CHECKING or find_spec("gymnasium"):
-    from gymnasium import Env, register, spaces
+    from gymnasium import Env, spaces
 else:  # its name stays public without the extra, and `need` says what is missing
     Env = object
-
-__all__ = ["FlightEnv", "FlightVectorEnv"]  # noqa: F822 (by `__getattr__`)
 
 # Errors of position, angles and airspeed that each cost half of the reward of a step.
 HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
@@ -49,9 +47,6 @@ SIZES = {
     **dict.fromkeys(("cross_track", "height_err"), 100.0),
     "gamma": math.pi / 2.0,
 }
-
-# Its name in Gymnasium, whose options are those of `FlightEnv`, and the world by default.
-NAME, WORLD = "flighttune/Flight-v0", "level_turn"
 
 # Draws of a campaign that may fail to start before an episode gives up.
 MAX_DRAWS = 100
@@ -414,17 +409,3 @@ def _at(rate_hz: float, scenario: Scenario) -> Scenario:
     tables = scenario.controller.model_dump() | {"rate_hz": rate_hz}
     controller = validated(ControllerTable, tables, "`FlightEnv`")
     return scenario.model_copy(update={"controller": controller})
-
-
-if Env is not object:
-    many = "flighttune.gym_vector:FlightVectorEnv"
-    options = {"world": WORLD, "scaled": True}
-    register(NAME, "flighttune.gym:FlightEnv", vector_entry_point=many, kwargs=options)
-
-
-def __getattr__(name: str) -> Any:
-    if name == "FlightVectorEnv":  # whose module takes from this one
-        from flighttune.gym_vector import FlightVectorEnv
-
-        return FlightVectorEnv
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

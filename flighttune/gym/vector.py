@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError, ScenarioError, TrimError
+from flighttune.base.errors import InputError, ScenarioError, TrimError, need
 from flighttune.base.files import code
 from flighttune.base.signatures import with_short_signatures
 from flighttune.base.words import got
@@ -21,17 +22,14 @@ from flighttune.flight.fly import manoeuvre, plant_of, steady_wind
 from flighttune.flight.loop.aircraft import CEILING
 from flighttune.flight.loop.loop import sampled
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.gym import HALF_RAD, MAX_DRAWS, FlightEnv
+from flighttune.gym.flight import HALF_RAD, MAX_DRAWS, FlightEnv
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant
 from flighttune.vehicles.simulated import Simulated, started
 
-if TYPE_CHECKING:
+if TYPE_CHECKING or find_spec("gymnasium"):
     from gymnasium.vector import AutoresetMode, VectorEnv
-else:
-    try:
-        from gymnasium.vector import AutoresetMode, VectorEnv
-    except ImportError:  # its name stays public without the extra
-        VectorEnv = object
+else:  # its name stays public without the extra
+    VectorEnv = object
 
 # Signals that must stay inside of the envelope, and the height above the ground.
 GUARDED = ("alpha", "V_a", "n_z", "theta")
@@ -109,6 +107,7 @@ class FlightVectorEnv(VectorEnv):
         aircraft: int | None = None,
         autoreset_mode: Literal["next_step", "same_step", "disabled"] = "next_step",
     ) -> None:
+        need("`FlightVectorEnv`", "gymnasium")
         modes = {mode.name.lower(): mode for mode in AutoresetMode}
         if autoreset_mode not in modes:
             raise InputError(
