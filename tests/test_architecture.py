@@ -209,12 +209,11 @@ def test_a_result_without_a_row_says_where_it_must_have_one():
 STAND_ALONE = {"compiled": {"numpy", "base"}}
 
 LOADED = """
-import sys, time
-before, began = set(sys.modules), time.process_time()
+import sys
+before = set(sys.modules)
 for module in sys.argv[1:]:
     __import__(module)
-took = time.process_time() - began
-print(*{name for name in sys.modules if name not in before}, took)
+print(*{name for name in sys.modules if name not in before})
 """
 
 
@@ -222,14 +221,12 @@ print(*{name for name in sys.modules if name not in before}, took)
 def test_a_room_that_stands_alone_loads_little(room):
     own = [name for name in MODULES if folder_of(name, 1) == f"flighttune.{room}"]
     command = [sys.executable, "-c", LOADED, *own]
-    runs = [subprocess.check_output(command, cwd=ROOT, text=True).split() for _ in range(3)]
-    *names, _ = runs[0]
+    names = subprocess.check_output(command, cwd=ROOT, text=True).split()
     loaded = {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"flighttune"}
     loaded |= {folder_of(name, 1).removeprefix("flighttune.") for name in names if name in MODULES}
 
     assert {*own} <= {*names}
     assert loaded - {room} == STAND_ALONE[room]
-    assert min(float(took) for *_, took in runs) < 0.5  # s of processor time
 
 
 @pytest.mark.parametrize("library", ONLY_IN)
