@@ -4,6 +4,9 @@ Each is flown by the compiled step and by JSBSim in one run. It is processor tim
 so that other work on the machine does not count. A flight of 300 s has all of it: load, trim, fly,
 table. "Begun before" are flights whose start the process has kept, as those of a search by gains.
 
+"Lanes" are steps of many flights in vectors, beside the same compiled steps one flight after the
+other.
+
 Run it with ``python benchmarks/bench_compiled.py``; ``--json`` prints one object. Exits with 1
 where a ratio is below its limit in `LEAST_RATIO`.
 """
@@ -25,6 +28,7 @@ from flighttune.base.files.code import JSBSIM
 from flighttune.campaigns.flying import rows
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.compiled.aircraft import CompiledStep
+from flighttune.compiled.face import in_lanes
 from flighttune.flight.entry import entry_of
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.loop import aircraft, loop
@@ -32,9 +36,15 @@ from flighttune.flight.models import gain_set
 from flighttune.vehicles.plants.base import FlightCondition
 from flighttune.vehicles.plants.jsbsim import trim
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
-from flighttune.vehicles.plants.jsbsim.steps import compiled, start_of
+from flighttune.vehicles.plants.jsbsim.steps import compiled, design_flight, start_of
+from flighttune.vehicles.plants.jsbsim.trim import level
+from flighttune.vehicles.plants.weather import Turbulence, TurbulenceModel, Weather
+from flighttune.vehicles.simulated import started
 
 REPEATS, STEPS = (1, 500) if running.QUICK else (7, 4000)
+LANES: list[tuple[str, TurbulenceModel | None]] = [
+    *(("aerosonde", None), ("aerosonde", "tustin"), ("c172p", None), ("c172p", "tustin"))
+]
 LEAST_RATIO = {"step": 18.0, "still air": 12.0, "turbulence": 10.0, "row": 5.0, "settling": 5.0}
 
 
@@ -68,6 +78,30 @@ def steps() -> tuple[float, float]:
     slow = best(by_jsbsim) / STEPS
     fast = best(lambda: step.fly(start.states, start.parameters, STEPS, None, shown)) / STEPS
     return slow, fast
+
+
+def lanes(name: str, model: TurbulenceModel | None) -> tuple[float, float]:
+    """Processor time of a step of a flight, alone and in its lane, s."""
+    air = Weather(turbulence=Turbulence(severity=3, wind_20ft=7.7, model=model)) if model else None
+    plant = JSBSimPlant(name, weather=air)
+    step, start, _ = started(plant, level(plant.config, *design_flight(plant.config)))
+    many, alone, flights = in_lanes(step, start), step.machine, 64
+    states, parameters, random = (
+        many.blocks(np.tile(x, (flights, 1)))
+        for x in (start.states, start.parameters, start.random)
+    )
+    shown = np.empty((len(states), len(step.names.signals + step.names.properties), many.width))
+    row, own = np.empty(len(step.names.signals)), start.states.copy()
+
+    def one() -> None:
+        for _ in range(STEPS // 100):
+            alone.fly(own, start.parameters, 100, alone.normals(start.random, 100), row)
+
+    def together() -> None:
+        for _ in range(max(1, STEPS // 1000)):
+            many.fly(states, parameters, random, 100, shown)
+
+    return best(one) / STEPS, best(together) / (max(1, STEPS // 1000) * 100 * flights)
 
 
 def both(do: Callable[[], Any]) -> tuple[float, float]:
@@ -122,15 +156,20 @@ def main() -> int:
     flown = {name: begun_anew(do) for name, do in flown.items()} | {
         f"{name}, begun before": do for name, do in flown.items()
     }
-    times = {"step": steps()} | {name: both(do) for name, do in flown.items()}
+    of_lanes = {
+        f"lanes, {name} in {f'turbulence ({model})' if model else 'still air'}": lanes(name, model)
+        for name, model in LANES
+    }
+    times = {"step": steps()} | of_lanes | {name: both(do) for name, do in flown.items()}
     ratios = {name: slow / fast for name, (slow, fast) in times.items()}
     if as_json:
         print(json.dumps({"s": times, "ratios": ratios, "least_ratio": LEAST_RATIO}))
     else:
         for name, (slow, fast) in times.items():
             least = f" (at least {LEAST_RATIO[name]:g})" if name in LEAST_RATIO else ""
+            ways = ("alone", "in lanes") if name in of_lanes else ("JSBSim", "compiled")
             print(
-                f"{name}: JSBSim {slow * 1e3:.4g} ms, compiled {fast * 1e3:.4g} ms, "
+                f"{name}: {ways[0]} {slow * 1e3:.4g} ms, {ways[1]} {fast * 1e3:.4g} ms, "
                 f"{ratios[name]:.1f} times{least}"
             )
     return 0 if all(ratios[name] >= least for name, least in LEAST_RATIO.items()) else 1
