@@ -39,7 +39,7 @@ def test_what_cannot_be_searched_is_refused_in_a_line(tmp_path, monkeypatch, opt
     assert words in " ".join(flighttune("meet", *options, status=2)[1].split())
 
 
-BEND = (0.0, 0.0), (70.0, 0.0), (130.0, 50.0)
+BEND = (0.0, 0.0), (100.0, 0.0), (170.0, 40.0)
 PX4 = "# Version: 1.14.0\n1\t1\tNPFG_PERIOD\t{}\t9\n1\t1\tNPFG_DAMPING\t0.7\t9\n"
 LARGEST = {
     "cross track": ("flight.cross_track_m", 1.0),
@@ -51,11 +51,11 @@ LARGEST = {
 
 
 def bend_in_wind():
-    """Flights of 8 s on the lags of an aircraft in any wind of up to 3 m/s."""
+    """Flights of 10 s on the lags of an aircraft in any wind of up to 3 m/s."""
     tables = tables_of(
         ({"kind": "point_mass_lag", "identified": "aerosonde"},),
         route={"waypoint": [{"north_m": n, "east_m": e} for n, e in BEND]},
-        flight={"V_a_mps": 25.0, "duration_s": 8.0, "h_m": 500.0},
+        flight={"V_a_mps": 25.0, "duration_s": 10.0, "h_m": 500.0},
         controller={"rate_hz": 10.0, "feed_forward": True},
     )
     del tables["reference"]
