@@ -2,13 +2,16 @@
 
 import math
 import threading
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
+from places import AIRCRAFT_NAMES
 
 import flighttune as ft
 
-STEPS, EACH = 60, 5  # actions of a flight, and integration steps of each
+EACH = 5  # integration steps of an action
 
 
 class Given:
@@ -31,7 +34,7 @@ def flown_by_jsbsim(name, air, V_a, actions, *, seed):
     made = ft.load_scenario("level_turn").as_dict() | air | {"seed": seed}
     rate = ft.loop.JSBSimPlant(name).rate / EACH
     made["plant"] = [{"kind": "jsbsim", "aircraft": name}]
-    made["flight"] = {"V_a_mps": V_a, "h_m": 800.0, "duration_s": len(actions) / rate}
+    made["flight"] = {"V_a_mps": V_a, "h_m": 1000.0, "duration_s": len(actions) / rate}
     made |= {"controller": {"rate_hz": rate}, "reference": {"chi_deg": 0.0, "gamma_deg": 0.0}}
     made |= {"limits": WIDE, "expect": []}
     Given.actions = [(float(phi), float(n_z)) for phi, n_z in actions]
@@ -52,47 +55,67 @@ def assert_equal(state, lane, row):
             assert mine == value, (name, lane)
 
 
-def actions_of(n):
+def actions_of(n, samples):
     """Slow turns and pulls, another one for each flight, within the limits of rates."""
-    t, lane = np.arange(STEPS)[:, None] * 0.025, np.arange(n)
+    t, lane = np.arange(samples)[:, None] * 0.025, np.arange(n)
     phi = 0.1 * (np.sin(1.5 * t + lane) - np.sin(lane))
     n_z = 1.0 + 0.05 * (np.sin(3.0 * t + 2.0 * lane) - np.sin(2.0 * lane))
     return np.stack([phi, n_z], axis=2)
 
 
 WIDE = {"phi_deg": [-40.0, 40.0], "phi_rate_dps": 300.0, "n_z": [0.5, 1.5], "n_z_rate_per_s": 9.0}
-KINDS = [
-    pytest.param("aerosonde", 25.0, None, id="still air"),
-    pytest.param("aerosonde", 25.0, "tustin", marks=pytest.mark.slow, id="tustin"),
-    pytest.param("c172p", 50.0, "milspec", marks=pytest.mark.slow, id="milspec"),
-    pytest.param("x8", 18.0, "tustin", marks=pytest.mark.soak, id="x8"),
-    pytest.param("a4", 180.0, None, marks=pytest.mark.soak, id="a4"),
+AIRS = (None, "tustin", "milspec")
+QUICK = ("aerosonde", None), ("aerosonde", "tustin"), ("c172p", "milspec")
+LONGER = [
+    pytest.param(*both, marks=pytest.mark.soak)
+    for both in product(AIRCRAFT_NAMES, AIRS)
+    if both not in QUICK
 ]
 
 
-@pytest.mark.parametrize(("name", "V_a", "model"), KINDS)
-def test_every_flight_is_that_of_jsbsim_to_the_bit(name, V_a, model):
-    """Five flights, which fill no vector, of which one is put back half way and flown again."""
-    n, actions = 5, actions_of(5)
-    speeds = V_a * np.linspace(0.97, 1.08, n)
+def assert_flown_as_by_jsbsim(name, model, lanes, samples):
+    """Flights of five, which fill no vector, of which one is put back half way and flown again."""
+    n, actions = 5, actions_of(5, samples)
     aircraft = ft.compiled.load(name)
     air = {} if model is None else {"turbulence": {"intensity": "light", "model": model}}
     asked = {} if model is None else {"turbulence": "light", "model": model}
-    state = half = aircraft.trim(V_a=speeds, h=800.0, seed=np.arange(1, n + 1), **asked)
+    speeds = aircraft.trim()["V_a"] * np.linspace(0.98, 1.04, n)
+    state = half = aircraft.trim(V_a=speeds, h=1000.0, seed=np.arange(1, n + 1), **asked)
     states = [state]
     for k, given in enumerate(actions):
-        half = state if k == STEPS // 2 else half
+        half = state if k == samples // 2 else half
         state = aircraft.step(state, given, steps=EACH)
         states.append(state)
     again = half.put(2, half[2])
-    for given in actions[STEPS // 2 :]:
+    for given in actions[samples // 2 :]:
         again = aircraft.step(again, given, steps=EACH)
 
-    for lane in range(n):
+    for lane in lanes:
         flown = flown_by_jsbsim(name, air, float(speeds[lane]), actions[:, lane], seed=lane + 1)
-        for k in (0, 1, 7, STEPS):
+        for k in (0, 1, 7, samples):
             assert_equal(states[k], lane, flown.iloc[k])
         assert_equal(again, lane, flown.iloc[-1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "model"), [*QUICK, *LONGER])
+def test_every_flight_is_that_of_jsbsim_to_the_bit(name, model):
+    assert_flown_as_by_jsbsim(name, model, range(5), 60)
+
+
+# JSBSim's own aircraft that are adopted; of some no step is compiled.
+ADOPTED = sorted(Path(__file__).parents[1].joinpath("adopted").iterdir())
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize("model", AIRS)
+@pytest.mark.parametrize("folder", [*AIRCRAFT_NAMES, *ADOPTED], ids=lambda x: Path(x).name)
+def test_3000_steps_are_those_of_jsbsim(folder, model):
+    try:
+        ft.compiled.load(folder).trim()
+    except ft.loop.PlantError as why:
+        pytest.skip(str(why))
+    assert_flown_as_by_jsbsim(str(folder), model, (0, 2, 4), 600)
 
 
 @pytest.fixture(scope="module")
