@@ -131,7 +131,7 @@ class FlightVectorEnv(VectorEnv):
         assert isinstance(action, Box)
         assert isinstance(observation, Box)
         self.single_action_space, self.single_observation_space = (
-            Box(*(x.astype(np.float32) for x in (space.low, space.high)), dtype=np.float32)
+            Box(space.low.astype(np.float32), space.high.astype(np.float32), dtype=np.float32)
             for space in (action, observation)
         )
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -285,8 +285,8 @@ class FlightVectorEnv(VectorEnv):
         """Fly one sample of every flight under its action, shape (n, m)."""
         if not hasattr(self, "state"):
             raise InputError("`reset` must be called before `step`: no flight is under way.")
-        waiting = self._over.copy()
-        if self._mode == "disabled" and waiting.any():
+        waiting, some_wait = self._over.copy(), bool(self._over.any())
+        if self._mode == "disabled" and some_wait:
             raise InputError("`reset` must begin the flights that are over before `step`.")
         wanted = self._wanted(actions)
         last, late = self._last, self._sample
@@ -298,10 +298,11 @@ class FlightVectorEnv(VectorEnv):
         error = np.hypot(now[:, 0], now[:, 1]) / HALF_RAD
         rewards = np.where(failed, (late - last) * self._dt, -error / (1.0 + error) * self._dt)
         truncated = ~failed & (self._sample == last)
-        rewards[waiting] = 0.0
-        failed[waiting] = truncated[waiting] = False
+        if some_wait:
+            rewards[waiting] = 0.0
+            failed[waiting] = truncated[waiting] = False
         self._over = failed | truncated
-        if waiting.any() and self._mode == "next_step":
+        if some_wait and self._mode == "next_step":
             infos |= self._begin(np.flatnonzero(waiting))
         elif self._over.any() and self._mode == "same_step":
             infos |= {"final_obs": self._observations(), "_final_obs": self._over.copy()}

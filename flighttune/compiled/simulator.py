@@ -227,7 +227,7 @@ class Aircraft:
         signals = lanes.names.signals
         if unknown := [name for name in of if name not in signals]:
             raise _unknown("`of` must be signals", unknown[0], signals)
-        rows = [signals.index(name) for name in of]
+        rows = np.array([signals.index(name) for name in of], dtype=int)
         places, given = self._places(state, inputs)
         if places:
             parameters = before.parameters.copy()
@@ -235,14 +235,14 @@ class Aircraft:
             before = replace(before, parameters=parameters)
         # Parameters do not change in a step, and the state before it is never written to.
         states, random, shown = before.states.copy(), before.random.copy(), before.shown.copy()
-        traced = []
-        for done in range(0, steps, every):
-            lanes.fly(states, before.parameters, random, min(every, steps - done), shown)
-            traced.append(shown[:, rows])
+        fly, times = lanes.flying(states, before.parameters, random, shown), range(0, steps, every)
+        traced = np.empty((len(times), len(shown), len(rows), lanes.width))
+        for row, done in zip(traced, times, strict=True):
+            fly(min(every, steps - done))
+            np.take(shown, rows, axis=1, out=row)
         flown = _Flown(states, before.parameters, random, shown)
-        shape = len(traced), len(shown) * lanes.width, len(rows)
-        signals = np.stack(traced).transpose(0, 1, 3, 2).reshape(shape)
-        return state._with(n, flown, _Properties(lanes, before, steps)), signals[:, :n]
+        kept = traced.swapaxes(2, 3).reshape(len(times), len(shown) * lanes.width, len(rows))
+        return state._with(n, flown, _Properties(lanes, before, steps)), kept[:, :n]
 
     def _places(self, state: "State", inputs: Given) -> tuple[list[int], Doubles]:
         """Places of inputs among the parameters, and their numbers, shape (n, len(places))."""
@@ -364,7 +364,8 @@ class _Properties:
         at = len(names.signals) + names.properties.index(name)
         if self._shown is None:
             states, parameters, random, self._shown = self._before.copy().arrays
-            self._lanes.fly(states, parameters, random, self._steps, self._shown, properties=True)
+            fly = self._lanes.flying(states, parameters, random, self._shown)
+            fly(self._steps, properties=True)
         return self._shown[:, at].reshape(-1)
 
 
