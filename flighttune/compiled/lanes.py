@@ -117,11 +117,11 @@ class LaneStep:
         longest = _DRAWN if self.names.stream else 0
         # Of these flights alone: other threads may fly meanwhile.
         stream = np.empty(max(1, longest * len(self.names.stream) * self.width))
-        flights, blocks = (states.ctypes.data, parameters.ctypes.data), len(states)
-        # Their addresses alone would not keep the arrays.
         arrays = states, parameters, random, stream, shown
-        further = tuple(x.ctypes.data for x in arrays[2:])
+        addresses = [ctypes.c_void_p(x.ctypes.data) for x in arrays]
+        flights, further, blocks = addresses[:2], addresses[2:], ctypes.c_int64(len(states))
 
+        # The default keeps the arrays, which their addresses would not.
         def fly(steps: int, *, properties: bool = False, _arrays: Any = arrays) -> None:
             most = longest or steps
             for done in range(0, steps, most):

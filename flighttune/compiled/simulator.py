@@ -246,7 +246,7 @@ class Aircraft:
 
     def _places(self, state: "State", inputs: Given) -> tuple[list[int], Doubles]:
         """Places of inputs among the parameters, and their numbers, shape (n, len(places))."""
-        n, known = len(state), self._trims.inputs
+        n, known, places = len(state), self._trims.inputs, state._lanes.names.parameters
         if not isinstance(inputs, Mapping):
             rows = numbers("inputs", inputs)
             if not rows.size:
@@ -257,8 +257,9 @@ class Aircraft:
                     f"`inputs` must have the shape {shapes}, for {', '.join(known)}, got "
                     f"{rows.shape}."
                 )
-            inputs = dict(zip(known, rows.T, strict=True))
-        places, found = state._lanes.names.parameters, []
+            at = [places.index(property_) for property_ in known.values()]
+            return at, np.broadcast_to(rows, (n, len(known)))
+        found = []
         columns = np.empty((n, len(inputs)))
         for i, (name, given) in enumerate(inputs.items()):
             property_ = self._property(name)
