@@ -1,13 +1,12 @@
-"""Steps per second of `FlightEnv` beside jsbgym and gymnasium-jsbsim, on JSBSim's Cessna 172P.
+"""Actions per second of the environments beside bare JSBSim and other environments of it.
 
-Each environment is asked for ten actions per second of flight and flies straight ahead, resets
-included. The peers integrate at 60 Hz and write the actions to the surfaces. `FlightEnv` integrates
-at 200 Hz with an inner loop that follows roll and load factor. The ratios are therefore those of
-JSBSim's integration steps per second: to the peers, where they are installed (``pip install jsbgym
-gymnasium-jsbsim``), and to the same aircraft flown without an environment.
+All fly a Cessna 172P straight ahead at ten actions per second of flight, resets included. Ours and
+bare JSBSim integrate at 200 Hz, with an inner loop that follows roll and load factor. The peers
+(``pip install jsbgym gymnasium-jsbsim``) integrate at 60 Hz and write the actions to the surfaces,
+so the ratios to them are those of integration steps per second.
 
 Run it with ``python benchmarks/bench_gym.py``; ``--json`` prints one object. Exits with 1 where a
-ratio is below its target. It is processor time, best of several.
+ratio is below its target. It is processor time of one core, best of several.
 """
 
 import json
@@ -22,17 +21,32 @@ import running
 import flighttune as ft
 from flighttune.flight.conditions import start_condition
 
-STEPS, REPEATS = (100, 1) if running.QUICK else (6000, 3)
+STEPS, REPEATS = (20, 1) if running.QUICK else (3000, 5)
 RATE_HZ, PEER_HZ = 10, 60
+FLIGHTS = 1, 8, 64, 256
 
-ALONE = "aircraft alone"
+BARE, ONE = "bare JSBSim", "FlightEnv"
 PEERS = {
     "jsbgym": "C172-HeadingControlTask-Shaping.STANDARD-NoFG-v0",
     "gymnasium_jsbsim": "JSBSim-HeadingControlTask-Cessna172P-Shaping.STANDARD-NoFG-v0",
 }
-# Least ratios of integration steps per second: ours have an inner loop, and each flight of a minute
-# begins with a fresh aircraft, trimmed with its engine at rest.
-TARGETS = {ALONE: 0.5, "jsbgym": 0.5, "gymnasium_jsbsim": 0.5}
+
+
+def many(n: int) -> str:
+    """Name of the row of n flights at once."""
+    return f"FlightVectorEnv, {n}"
+
+
+# Least ratios of integration steps per second, of the first to the second.
+TARGETS = {
+    (ONE, BARE): 3.0,
+    (many(8), BARE): 5.0,
+    (many(256), BARE): 15.0,
+    (many(256), "jsbgym"): 15.0,
+    (many(256), "gymnasium_jsbsim"): 15.0,
+}
+# Processor time in which a flight of the vector begins, us.
+LARGEST_RESET_US = 50.0
 
 LEVEL = np.array([0.0, 1.0])
 
@@ -47,7 +61,7 @@ def cruise() -> ft.Scenario:
 
 
 def of_env(env: Any, action: np.ndarray) -> float:
-    """Return the time of a step of an environment, s."""
+    """Return the time of a step of an environment of one flight, s."""
     env.reset(seed=1)
     began = time.process_time()
     for _ in range(STEPS):
@@ -55,6 +69,26 @@ def of_env(env: Any, action: np.ndarray) -> float:
         if terminated or truncated:
             env.reset()
     return (time.process_time() - began) / STEPS
+
+
+def of_many(env: ft.gym.FlightVectorEnv) -> float:
+    """Return the time of an action of one flight among several, s."""
+    n = env.num_envs
+    actions, steps = np.tile(LEVEL, (n, 1)), max(STEPS // n, 60 if n > 1 else 1)
+    env.reset(seed=1)
+    began = time.process_time()
+    for _ in range(steps):
+        env.step(actions)
+    return (time.process_time() - began) / (steps * n)
+
+
+def of_reset(env: ft.gym.FlightVectorEnv) -> float:
+    """Return the time in which each flight of a vector begins anew, us."""
+    env.reset(seed=1)
+    began = time.process_time()
+    for _ in range(10):
+        env.reset()
+    return (time.process_time() - began) / (10 * env.num_envs) * 1e6
 
 
 def of_peer(name: str) -> float | None:
@@ -69,7 +103,7 @@ def of_peer(name: str) -> float | None:
 
 
 def of_aircraft() -> float:
-    """Return the time in which the aircraft flies a tenth of a second by itself, s."""
+    """Return the time in which JSBSim flies a tenth of a second by itself, s."""
     plant = ft.loop.JSBSimPlant("c172p")
     plant.start(start_condition(cruise()))
     began = time.process_time()
@@ -79,37 +113,53 @@ def of_aircraft() -> float:
 
 
 def main() -> int:
-    parser = running.options(__doc__)
-    as_json = parser.parse_args().json
+    as_json = running.options(__doc__).parse_args().json
     os.environ["JSBSIM_DEBUG"] = "0"  # peers let JSBSim print
 
-    ours = ft.gym.FlightEnv(cruise(), rate_hz=RATE_HZ)
-    rate = ft.loop.JSBSimPlant("c172p").config.inner_loop_rate
-    flown = {"FlightEnv": lambda: of_env(ours, LEVEL), ALONE: of_aircraft}
+    one = ft.gym.FlightEnv(cruise(), rate_hz=RATE_HZ)
+    vectors = {n: ft.gym.FlightVectorEnv(n, cruise(), scaled=False) for n in FLIGHTS}
+    flown = {BARE: of_aircraft, ONE: lambda: of_env(one, LEVEL)}
+    flown |= {many(n): (lambda env=env: of_many(env)) for n, env in vectors.items()}
     flown |= {name: (lambda name=name: of_peer(name)) for name in PEERS}
-    times = {name: [took() for _ in range(REPEATS)] for name, took in flown.items()}
-    best = {name: min(filter(None, each), default=None) for name, each in times.items()}
-    steps = {name: 1.0 / took for name, took in best.items() if took is not None}
+    times = [{name: took() for name, took in flown.items()} for _ in range(REPEATS)]
+    best = {name: min(filter(None, (x[name] for x in times)), default=None) for name in flown}
+    actions = {name: 1.0 / took for name, took in best.items() if took is not None}
+    rate = ft.loop.JSBSimPlant("c172p").config.inner_loop_rate
     rates = dict.fromkeys(PEERS, PEER_HZ)
-    integrated = {name: n * rates.get(name, rate) / RATE_HZ for name, n in steps.items()}
-    ratios = {name: integrated["FlightEnv"] / integrated[name] for name in TARGETS if name in steps}
+    steps = {name: n * rates.get(name, rate) / RATE_HZ for name, n in actions.items()}
+    ratios = {pair: steps[pair[0]] / steps[pair[1]] for pair in TARGETS if pair[1] in steps}
+    resets = {
+        many(n): min(of_reset(env) for _ in range(REPEATS))
+        for n, env in vectors.items()
+        if n > 1  # a call takes longer than a flight
+    }
     result = {
-        "steps_per_s": steps,
-        "integration_steps_per_s": integrated,
-        "ratios": ratios,
-        "targets": TARGETS,
+        "actions_per_s": actions,
+        "integration_steps_per_s": steps,
+        "reset_us": resets,
+        "ratios": {f"{a} / {b}": ratio for (a, b), ratio in ratios.items()},
+        "targets": {f"{a} / {b}": target for (a, b), target in TARGETS.items()},
         "not_installed": [name for name, took in best.items() if took is None],
     }
     if as_json:
         print(json.dumps(result))
     else:
-        for name, per_s in steps.items():
-            print(f"{name}: {per_s:.0f} actions/s, {integrated[name]:.0f} steps of JSBSim/s")
-        for name, ratio in ratios.items():
-            print(f"FlightEnv over {name}: {ratio:.2f} (at least {TARGETS[name]})")
-        for name in result["not_installed"]:
-            print(f"{name}: not installed")
-    return 0 if all(ratio >= TARGETS[name] for name, ratio in ratios.items()) else 1
+        report(result)
+    met = all(ratio >= TARGETS[pair] for pair, ratio in ratios.items())
+    return 0 if met and max(resets.values()) <= LARGEST_RESET_US else 1
+
+
+def report(result: dict[str, Any]) -> None:
+    """Print a result as lines."""
+    for name, per_s in result["actions_per_s"].items():
+        steps = result["integration_steps_per_s"][name]
+        print(f"{name:22s} {per_s:9.0f} actions/s {steps:10.0f} integration steps/s")
+    for name, took in result["reset_us"].items():
+        print(f"{name:22s} {took:9.1f} us to begin a flight (at most {LARGEST_RESET_US:g})")
+    for name, ratio in result["ratios"].items():
+        print(f"{name}: {ratio:.2f} (at least {result['targets'][name]:g})")
+    for name in result["not_installed"]:
+        print(f"{name}: not installed")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 """The step of an aircraft for many flights, several in the lanes of one vector."""
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -106,26 +107,29 @@ class LaneStep:
         """Blocks as rows of flights."""
         return blocks.transpose(0, 2, 1).reshape(-1, blocks.shape[1])[:n]
 
-    def fly(
-        self,
-        states: Doubles,
-        parameters: Doubles,
-        random: npt.NDArray[np.int64],
-        steps: int,
-        shown: Doubles,
-        *,
-        properties: bool = False,
-    ) -> None:
-        """Make steps in place; `shown` gets the signals of the last one, or also properties."""
-        longest = _DRAWN if self.names.stream else steps
-        # Of this call alone: other threads may fly meanwhile.
+    def flying(
+        self, states: Doubles, parameters: Doubles, random: npt.NDArray[np.int64], shown: Doubles
+    ) -> Callable[..., None]:
+        """What makes steps in place, given their number, as often as it is called.
+
+        `shown` gets the signals of the last step, with ``properties=True`` also the properties.
+        """
+        longest = _DRAWN if self.names.stream else 0
+        # Of these flights alone: other threads may fly meanwhile.
         stream = np.empty(max(1, longest * len(self.names.stream) * self.width))
-        for done in range(0, steps, longest):
-            n = min(longest, steps - done)
-            how_much = 0 if done + n < steps else 2 if properties else 1
-            flights = states.ctypes.data, parameters.ctypes.data, len(states), n
-            further = random.ctypes.data, stream.ctypes.data, shown.ctypes.data, how_much
-            self._fly(*flights, *further)
+        arrays = states, parameters, random, stream, shown
+        addresses = [ctypes.c_void_p(x.ctypes.data) for x in arrays]
+        flights, further, blocks = addresses[:2], addresses[2:], ctypes.c_int64(len(states))
+
+        # The default keeps the arrays, which their addresses would not.
+        def fly(steps: int, *, properties: bool = False, _arrays: Any = arrays) -> None:
+            most = longest or steps
+            for done in range(0, steps, most):
+                n = min(most, steps - done)
+                how_much = 0 if done + n < steps else 2 if properties else 1
+                self._fly(*flights, blocks, n, *further, how_much)
+
+        return fly
 
 
 def lanes_differ(lanes: LaneStep, alone: MachineStep, start: Start) -> str:
@@ -140,7 +144,7 @@ def lanes_differ(lanes: LaneStep, alone: MachineStep, start: Start) -> str:
     together, parameters = (lanes.blocks(x) for x in (np.tile(states, (width, 1)), given))
     random = np.arange(1, width + 1)
     shown = np.zeros((1, len(names.signals) + len(names.properties), width))
-    lanes.fly(together, parameters, random, _STEPS, shown, properties=True)
+    lanes.flying(together, parameters, random, shown)(_STEPS, properties=True)
     for lane in range(width):
         own, stream = states.copy(), alone.normals(seeded(lane + 1), _STEPS)
         row = np.zeros(shown.shape[1])

@@ -183,41 +183,85 @@ class Aircraft:
         State
             The flights after the last step.
         """
-        if steps < 1:
-            raise InputError(f"`steps` must be at least 1, got {got(steps)}.")
-        lanes, before = state._lanes, state._flown
-        if places := self._places(state, inputs):
+        return self.trace(state, inputs, of=(), steps=steps, every=max(steps, 1))[0]
+
+    def trace(
+        self,
+        state: "State",
+        inputs: Given = (),
+        *,
+        of: Sequence[str],
+        steps: int = 1,
+        every: int = 1,
+    ) -> tuple["State", Doubles]:
+        """Fly every flight on as `step` does, and keep signals on the way.
+
+        Parameters
+        ----------
+        state, inputs, steps
+            As in `step`.
+        of : sequence of str
+            Signals, such as ``phi``.
+        every : int
+            Integration steps between two rows; the last row may come sooner.
+
+        Returns
+        -------
+        State
+            The flights after the last step.
+        ndarray, shape (rows, n, len(of))
+            The signals after each `every` steps and after the last one.
+
+        Examples
+        --------
+        >>> aircraft = ft.compiled.load("c172p")
+        >>> state = aircraft.trim(n=2)
+        >>> state, roll = aircraft.trace(state, [0.3, 1.0], of=["phi"], steps=400, every=20)
+        >>> roll.shape, bool((roll[-1, :, 0] == state["phi"]).all())
+        ((20, 2, 1), True)
+        """
+        for name, number in (("steps", steps), ("every", every)):
+            if number < 1:
+                raise InputError(f"`{name}` must be at least 1, got {got(number)}.")
+        lanes, before, n = state._lanes, state._flown, len(state)
+        signals = lanes.names.signals
+        if unknown := [name for name in of if name not in signals]:
+            raise _unknown("`of` must be signals", unknown[0], signals)
+        rows = np.array([signals.index(name) for name in of], dtype=int)
+        places, given = self._places(state, inputs)
+        if places:
             parameters = before.parameters.copy()
-            for place, row in places:
-                parameters[:, place] = lanes.blocks(row[:, None])[:, 0]
+            parameters[:, places] = lanes.blocks(given)
             before = replace(before, parameters=parameters)
         # Parameters do not change in a step, and the state before it is never written to.
-        flown = replace(
-            before,
-            states=before.states.copy(),
-            random=before.random.copy(),
-            shown=np.empty_like(before.shown),
-        )
-        lanes.fly(flown.states, flown.parameters, flown.random, steps, flown.shown)
-        return state._with(len(state), flown, _Properties(lanes, before, steps))
+        states, random, shown = before.states.copy(), before.random.copy(), before.shown.copy()
+        fly, times = lanes.flying(states, before.parameters, random, shown), range(0, steps, every)
+        traced = np.empty((len(times), len(shown), len(rows), lanes.width))
+        for row, done in zip(traced, times, strict=True):
+            fly(min(every, steps - done))
+            np.take(shown, rows, axis=1, out=row)
+        flown = _Flown(states, before.parameters, random, shown)
+        kept = traced.swapaxes(2, 3).reshape(len(times), len(shown) * lanes.width, len(rows))
+        return state._with(n, flown, _Properties(lanes, before, steps)), kept[:, :n]
 
-    def _places(self, state: "State", inputs: Given) -> list[tuple[int, Doubles]]:
-        """Places of inputs among the parameters, and a number of each for every flight."""
-        n, known = len(state), self._trims.inputs
+    def _places(self, state: "State", inputs: Given) -> tuple[list[int], Doubles]:
+        """Places of inputs among the parameters, and their numbers, shape (n, len(places))."""
+        n, known, places = len(state), self._trims.inputs, state._lanes.names.parameters
         if not isinstance(inputs, Mapping):
             rows = numbers("inputs", inputs)
             if not rows.size:
-                return []
+                return [], rows
             if rows.shape not in ((len(known),), (n, len(known))):
                 shapes = f"({len(known)},) or ({n}, {len(known)})"
                 raise InputError(
                     f"`inputs` must have the shape {shapes}, for {', '.join(known)}, got "
                     f"{rows.shape}."
                 )
-            columns = np.broadcast_to(rows, (n, len(known))).T
-            inputs = dict(zip(known, columns, strict=True))
-        places, found = state._lanes.names.parameters, []
-        for name, given in inputs.items():
+            at = [places.index(property_) for property_ in known.values()]
+            return at, np.broadcast_to(rows, (n, len(known)))
+        found = []
+        columns = np.empty((n, len(inputs)))
+        for i, (name, given) in enumerate(inputs.items()):
             property_ = self._property(name)
             if property_ not in places:
                 every = (*known, *self._trims.others, *places)
@@ -227,8 +271,9 @@ class Aircraft:
             values = numbers(name, given)
             if values.shape not in ((), (n,)):
                 raise InputError(f"`{name}` must be a number or {n} of them, got {got(given)}.")
-            found.append((places.index(property_), np.broadcast_to(values, (n,))))
-        return found
+            found.append(places.index(property_))
+            columns[:, i] = values
+        return found, columns
 
     def _property(self, name: str) -> str:
         return {**self._trims.inputs, **self._trims.others}.get(name, name)
@@ -264,8 +309,8 @@ class Aircraft:
         every = (*names.states, *names.parameters)
         sources = [self._sloped(name, every, "`by` must be inputs or properties") for name in by]
         parameters = lanes.rows(state._flown.parameters, n).copy()
-        for place, values in self._places(state, inputs):
-            parameters[:, place] = values
+        given, values = self._places(state, inputs)
+        parameters[:, given] = values
         states, random = (lanes.rows(x, n) for x in (state._flown.states, state._flown.random))
         found, shown = np.empty((n, len(of), len(by))), np.zeros(len(names.signals))
         for i, (row, own) in enumerate(zip(states, parameters, strict=True)):
@@ -313,15 +358,16 @@ class _Properties:
 
     def __init__(self, lanes: LaneStep, before: _Flown, steps: int) -> None:
         self._lanes, self._before, self._steps = lanes, before, steps
-        self._at = {name: i for i, name in enumerate(lanes.names.properties)}
         self._shown: Doubles | None = None
 
     def __call__(self, name: str) -> Doubles:
-        at, signals = self._at[name], len(self._lanes.names.signals)
+        names = self._lanes.names
+        at = len(names.signals) + names.properties.index(name)
         if self._shown is None:
             states, parameters, random, self._shown = self._before.copy().arrays
-            self._lanes.fly(states, parameters, random, self._steps, self._shown, properties=True)
-        return self._shown[:, signals + at].reshape(-1)
+            fly = self._lanes.flying(states, parameters, random, self._shown)
+            fly(self._steps, properties=True)
+        return self._shown[:, at].reshape(-1)
 
 
 class State:

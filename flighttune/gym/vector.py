@@ -34,6 +34,9 @@ else:  # its name stays public without the extra
 # Signals that must stay inside of the envelope, and the height above the ground.
 GUARDED = ("alpha", "V_a", "n_z", "theta")
 
+# Signals of the envelope, and further ones of the observations.
+SEEN = (*GUARDED, "h", "chi", "gamma", "phi")
+
 # Height above the ground at which a flight ends, m: parts of the aircraft may touch it.
 LOWEST = 5.0
 
@@ -127,7 +130,7 @@ class FlightVectorEnv(VectorEnv):
         assert isinstance(action, Box)
         assert isinstance(observation, Box)
         self.single_action_space, self.single_observation_space = (
-            Box(*(x.astype(np.float32) for x in (space.low, space.high)), dtype=np.float32)
+            Box(space.low.astype(np.float32), space.high.astype(np.float32), dtype=np.float32)
             for space in (action, observation)
         )
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -186,8 +189,8 @@ class FlightVectorEnv(VectorEnv):
         config = self._config
         self._aircraft = Aircraft(Simulated(config, "commands"))
         self._begun = self._aircraft.begin(Trimmed(steps[0], starts, shown))
-        self._last = np.array([x.reference.shape[1] - 1 for x in flown])
-        rest = self._last.max() - self._last
+        self._lasts = np.array([x.reference.shape[1] - 1 for x in flown])
+        rest = self._lasts.max() - self._lasts
         self._references = np.stack(
             [
                 np.pad(x.reference, ((0, 0), (0, n)), "edge")
@@ -245,7 +248,10 @@ class FlightVectorEnv(VectorEnv):
         self._of[lanes], self._sample[lanes] = kinds, 0
         self._commands[lanes] = self._starts[kinds]
         self._over[lanes] = False
-        self._seen[lanes] = self._shown(self.state)[lanes]
+        self._last, self._of_limits = self._lasts[self._of], self._limits[self._of].swapaxes(0, 1)
+        self._of_envelope = self._envelopes[self._of].swapaxes(0, 1)
+        begun = np.stack([self.state[name] for name in SEEN], axis=1)
+        self._seen[lanes] = self._shown(begun)[lanes]
         infos = {"seed": np.zeros(self.num_envs, dtype=int), "_seed": np.zeros(self.num_envs, bool)}
         infos["seed"][lanes], infos["_seed"][lanes] = seeds, True
         if self._alone.draws:
@@ -253,13 +259,17 @@ class FlightVectorEnv(VectorEnv):
             infos |= {"draw": draws, "_draw": infos["_seed"].copy()}
         return infos
 
-    def _shown(self, state: State) -> FloatArray:
-        """The values of `observed` in their units, shape (n, len(observed))."""
-        chi, gamma, chi_dot, gamma_dot = self._references[self._of, :, self._sample].T
-        error = np.remainder(chi - state["chi"] + math.pi, math.tau) - math.pi
-        errors = error, gamma - state["gamma"], chi_dot, gamma_dot
-        flying = (state[name] for name in ("gamma", "phi", "n_z", "V_a"))
-        return np.stack([*errors, *flying, *self._commands.T], axis=1)
+    def _shown(self, signals: FloatArray) -> FloatArray:
+        """The values of `observed` in their units, by those of `SEEN`; shape (n, len(observed))."""
+        _, V_a, n_z, _, _, chi, gamma, phi = signals.T
+        shown = np.empty_like(self._seen)
+        ref = self._references[self._of, :, self._sample]
+        shown[:, 0] = np.remainder(ref[:, 0] - chi + math.pi, math.tau) - math.pi
+        shown[:, 1] = ref[:, 1] - gamma
+        shown[:, 2:4] = ref[:, 2:]
+        shown[:, 4], shown[:, 5], shown[:, 6], shown[:, 7] = gamma, phi, n_z, V_a
+        shown[:, 8:] = self._commands
+        return shown
 
     def _observations(self) -> npt.NDArray[np.float32]:
         sizes = self._alone.sizes
@@ -274,23 +284,24 @@ class FlightVectorEnv(VectorEnv):
         """Fly one sample of every flight under its action, shape (n, m)."""
         if not hasattr(self, "state"):
             raise InputError("`reset` must be called before `step`: no flight is under way.")
-        waiting = self._over.copy()
-        if self._mode == "disabled" and waiting.any():
+        waiting, some_wait = self._over.copy(), bool(self._over.any())
+        if self._mode == "disabled" and some_wait:
             raise InputError("`reset` must begin the flights that are over before `step`.")
         wanted = self._wanted(actions)
-        last, late = self._last[self._of], self._sample
-        failed, infos = self._fly(wanted), dict[str, Any]()
+        last, late = self._last, self._sample
+        (failed, signals), infos = self._fly(wanted), dict[str, Any]()
         self._sample = np.minimum(late + 1, last)
-        now = self._shown(self.state)
+        now = self._shown(signals)
         flying = ~failed & ~waiting
         self._seen[flying] = now[flying]
         error = np.hypot(now[:, 0], now[:, 1]) / HALF_RAD
         rewards = np.where(failed, (late - last) * self._dt, -error / (1.0 + error) * self._dt)
         truncated = ~failed & (self._sample == last)
-        rewards[waiting] = 0.0
-        failed[waiting] = truncated[waiting] = False
+        if some_wait:
+            rewards[waiting] = 0.0
+            failed[waiting] = truncated[waiting] = False
         self._over = failed | truncated
-        if waiting.any() and self._mode == "next_step":
+        if some_wait and self._mode == "next_step":
             infos |= self._begin(np.flatnonzero(waiting))
         elif self._over.any() and self._mode == "same_step":
             infos |= {"final_obs": self._observations(), "_final_obs": self._over.copy()}
@@ -304,25 +315,23 @@ class FlightVectorEnv(VectorEnv):
             raise InputError(f"`actions` must be numbers of the shape {shape}, got {given.shape}.")
         if not np.isfinite(given).all():
             raise InputError("`actions` must be finite.")
-        low, high = self._limits[self._of, 0], self._limits[self._of, 1]
         if self._alone.sizes is None:
             return given.astype(float)
+        low, high, _, _ = self._of_limits
         return low + (given.astype(float) + 1.0) * (high - low) / 2.0
 
-    def _fly(self, wanted: FloatArray) -> npt.NDArray[np.bool_]:
-        """Fly a sample of every flight within its limits; which of them left their envelope."""
-        low, high, down, up = self._limits[self._of].transpose(1, 0, 2)
+    def _fly(self, wanted: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
+        """Fly a sample within the limits; which flights left their envelope, and `SEEN`."""
+        low, high, down, up = self._of_limits
         # As `limit_command`: the rate has priority where the command lies outside of its range.
         below, above = self._commands + down, self._commands + up
         below = np.where(below > low, below, np.minimum(low, above))
         above = np.where(above < high, above, np.maximum(high, below))
-        self._commands = np.clip(wanted, below, above)
-        state, failed = self.state, np.zeros(self.num_envs, dtype=bool)
-        ends = self._envelopes[self._of]
-        for done in range(0, self._steps, self._between):
-            steps = min(self._between, self._steps - done)
-            state = self._aircraft.step(state, self._commands, steps=steps)
-            guarded = np.stack([*(state[name] for name in GUARDED), state["h"]], axis=1)
-            failed |= ~((ends[:, 0] < guarded) & (guarded < ends[:, 1])).all(axis=1)
-        self.state = state
-        return failed
+        self._commands = np.minimum(np.maximum(wanted, below), above)
+        self.state, seen = self._aircraft.trace(
+            self.state, self._commands, of=SEEN, steps=self._steps, every=self._between
+        )
+        least, largest = self._of_envelope
+        guarded = seen[:, :, : least.shape[1]]
+        inside = (least < guarded) & (guarded < largest)
+        return ~inside.all(axis=(0, 2)), seen[-1]

@@ -159,6 +159,17 @@ def test_a_state_that_was_kept_flies_on_to_the_same_bits(aerosonde, flights):
     ]
 
 
+def test_a_trace_has_the_signals_on_the_way_of_the_same_flight(aerosonde, flights):
+    of, inputs = ["phi", "V_a"], [0.3, 1.05]
+    end, rows = aerosonde.trace(flights, inputs, of=of, steps=50, every=20)
+
+    assert rows.shape == (3, 7, 2)
+    for row, steps in zip(rows, (20, 40, 50), strict=True):
+        on = aerosonde.step(flights, inputs, steps=steps)
+        assert row.T.tolist() == [on[name].tolist() for name in of]
+    assert end["aero/alpha-deg"].tolist() == on["aero/alpha-deg"].tolist()
+
+
 def test_steps_of_several_threads_at_once_have_the_bits_of_one(aerosonde, flights):
     wanted = aerosonde.step(flights, [0.3, 1.0], steps=300)["phi"].tolist()
     found = []
@@ -227,6 +238,8 @@ REFUSED = {
     "a signal as input": (lambda a, s: a.step(s, {"phi": 1.0}), "did you mean phi_cmd"),
     "too many values": (lambda a, s: a.step(s, {"phi_cmd": [0.0] * 3}), "a number or 7 of them"),
     "no steps": (lambda a, s: a.step(s, steps=0), "`steps` must be at least 1, got 0"),
+    "a trace of none": (lambda a, s: a.trace(s, of=["fi"]), "`of` must be signals"),
+    "rows without steps": (lambda a, s: a.trace(s, of=[], every=0), "`every` must be at least 1"),
     "a property that is none": (lambda a, s: s["velocities/p-rad"], "velocities/p-rad_sec"),
     "no flight": (lambda a, s: s[[]], "at least one flight"),
     "a difference that is none": (lambda a, s: a.trim(mass=1.0), "mass_factor.*got `mass`"),
