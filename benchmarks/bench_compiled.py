@@ -90,7 +90,9 @@ def lanes(name: str, model: TurbulenceModel | None) -> tuple[float, float]:
         many.blocks(np.tile(x, (flights, 1)))
         for x in (start.states, start.parameters, start.random)
     )
-    shown = np.empty((len(states), len(step.names.signals + step.names.properties), many.width))
+    fly = many.flying(
+        states, parameters, random, np.empty((len(states), len(step.names.signals), many.width))
+    )
     row, own = np.empty(len(step.names.signals)), start.states.copy()
 
     def one() -> None:
@@ -99,7 +101,7 @@ def lanes(name: str, model: TurbulenceModel | None) -> tuple[float, float]:
 
     def together() -> None:
         for _ in range(max(1, STEPS // 1000)):
-            many.fly(states, parameters, random, 100, shown)
+            fly(100)
 
     return best(one) / STEPS, best(together) / (max(1, STEPS // 1000) * 100 * flights)
 

@@ -30,6 +30,8 @@ _FLY = """
 define void @fly(ptr %s, ptr %p, i64 %blocks, i64 %n, ptr %random, ptr %u, ptr %o, i64 %m) {{
 entry:
   %any = icmp sgt i64 %blocks, 0
+  %all = icmp sgt i64 %m, 1
+  %row = select i1 %all, i64 {all}, i64 {signals}
   br i1 %any, label %block, label %end
 block:
   %b = phi i64 [ 0, %entry ], [ %b1, %flown ]
@@ -37,7 +39,7 @@ block:
   %sb = getelementptr double, ptr %s, i64 %s0
   %p0 = mul i64 %b, {parameters}
   %pb = getelementptr double, ptr %p, i64 %p0
-  %o0 = mul i64 %b, {shown}
+  %o0 = mul i64 %b, %row
   %ob = getelementptr double, ptr %o, i64 %o0
   %r0 = mul i64 %b, {width}
   %count = mul i64 %n, {stream}
@@ -74,7 +76,8 @@ def fly_ir(names: Names, width: int) -> str:
     return _FLY.format(
         states=len(names.states) * width,
         parameters=len(names.parameters) * width,
-        shown=(len(names.signals) + len(names.properties)) * width,
+        signals=len(names.signals) * width,
+        all=(len(names.signals) + len(names.properties)) * width,
         stream=len(names.stream),
         width=width,
     )
@@ -112,7 +115,8 @@ class LaneStep:
     ) -> Callable[..., None]:
         """What makes steps in place, given their number, as often as it is called.
 
-        `shown` gets the signals of the last step, with ``properties=True`` also the properties.
+        `shown` gets the signals of the last step; it has room for the properties behind them where
+        they are asked for.
         """
         longest = _DRAWN if self.names.stream else 0
         # Of these flights alone: other threads may fly meanwhile.

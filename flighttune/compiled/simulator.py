@@ -154,8 +154,7 @@ class Aircraft:
             signals,
         )
         states, parameters, random, signals = map(lanes.blocks, arrays)
-        further = np.zeros((len(states), len(names.properties), lanes.width))
-        flown = _Flown(states, parameters, random, np.concatenate([signals, further], axis=1))
+        flown = _Flown(states, parameters, random, signals)
         return State(self, step, lanes, len(trimmed.starts), flown, shown.__getitem__)
 
     def _lanes_of(self, trimmed: Trimmed) -> tuple[CompiledStep, LaneStep]:
@@ -364,7 +363,9 @@ class _Properties:
         names = self._lanes.names
         at = len(names.signals) + names.properties.index(name)
         if self._shown is None:
-            states, parameters, random, self._shown = self._before.copy().arrays
+            states, parameters, random, shown = self._before.copy().arrays
+            every = len(names.signals) + len(names.properties)
+            self._shown = np.empty((len(shown), every, shown.shape[2]))
             fly = self._lanes.flying(states, parameters, random, self._shown)
             fly(self._steps, properties=True)
         return self._shown[:, at].reshape(-1)
