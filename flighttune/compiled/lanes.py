@@ -12,7 +12,7 @@ from flighttune.compiled import machine
 from flighttune.compiled.aircraft import Start
 from flighttune.compiled.dynamics import Doubles
 from flighttune.compiled.machine import Loaded
-from flighttune.compiled.normals import seeded
+from flighttune.compiled.normals import seeded, together
 from flighttune.compiled.step import MachineStep, Names
 
 # Integration steps whose normal numbers are drawn at once.
@@ -25,7 +25,7 @@ _WIDTHS = {"avx2": 4, "sse2": 2}
 # command there, as a share of one.
 _STEPS, _SHARE = 400, 0.2
 
-# Flights of one block after the other. `normals` of each lane are drawn ahead of its steps.
+# Flights of one block after the other; the normal numbers of steps are drawn ahead of them.
 _FLY = """
 define void @fly(ptr %s, ptr %p, i64 %blocks, i64 %n, ptr %random, ptr %u, ptr %o, i64 %m) {{
 entry:
@@ -34,7 +34,7 @@ entry:
   %row = select i1 %all, i64 {all}, i64 {signals}
   br i1 %any, label %block, label %end
 block:
-  %b = phi i64 [ 0, %entry ], [ %b1, %flown ]
+  %b = phi i64 [ 0, %entry ], [ %b1, %block ]
   %s0 = mul i64 %b, {states}
   %sb = getelementptr double, ptr %s, i64 %s0
   %p0 = mul i64 %b, {parameters}
@@ -43,17 +43,8 @@ block:
   %ob = getelementptr double, ptr %o, i64 %o0
   %r0 = mul i64 %b, {width}
   %count = mul i64 %n, {stream}
-  br label %lane
-lane:
-  %l = phi i64 [ 0, %block ], [ %l1, %lane ]
-  %rl = add i64 %r0, %l
-  %pr = getelementptr i64, ptr %random, i64 %rl
-  %ul = getelementptr double, ptr %u, i64 %l
-  call void @spread(ptr %pr, i64 %count, ptr %ul, i64 {width})
-  %l1 = add i64 %l, 1
-  %drawn = icmp slt i64 %l1, {width}
-  br i1 %drawn, label %lane, label %flown
-flown:
+  %pr = getelementptr i64, ptr %random, i64 %r0
+  call void @together(ptr %pr, i64 %count, ptr %u)
   call void @step(ptr %sb, ptr %pb, i64 %n, ptr %u, ptr %ob, i64 %m)
   %b1 = add i64 %b, 1
   %more = icmp slt i64 %b1, %blocks
@@ -72,8 +63,8 @@ def widest() -> int:
 
 
 def fly_ir(names: Names, width: int) -> str:
-    """IR of ``fly``, which steps blocks of flights; the module has ``step`` and ``spread``."""
-    return _FLY.format(
+    """IR of ``fly``, which steps blocks of flights; the module has ``step``."""
+    text = _FLY.format(
         states=len(names.states) * width,
         parameters=len(names.parameters) * width,
         signals=len(names.signals) * width,
@@ -81,6 +72,7 @@ def fly_ir(names: Names, width: int) -> str:
         stream=len(names.stream),
         width=width,
     )
+    return together(width) + text
 
 
 class LaneStep:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The normal numbers of JSBSim on Linux: minstd_rand0 and the polar method of libstdc++, as IR."""
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -36,16 +38,10 @@ define private double @draw(ptr %state) alwaysinline {{
 }}
 """
 
-# Numbers that stand `stride` places apart, as those of an aircraft in its lane of a vector do.
 NORMALS = (
     _DRAW
     + f"""
 define void @normals(ptr %state, i64 %n, ptr %out) {{
-  call void @spread(ptr %state, i64 %n, ptr %out, i64 1)
-  ret void
-}}
-
-define void @spread(ptr %state, i64 %n, ptr %out, i64 %stride) {{
 entry:
   br label %next
 next:
@@ -68,15 +64,14 @@ store:
   %ratio = fdiv double %scaled, %r2
   %factor = call double @llvm.sqrt.f64(double %ratio)
   %u = fmul double %b, %factor
-  %at = mul i64 %i, %stride
-  %pu = getelementptr double, ptr %out, i64 %at
+  %pu = getelementptr double, ptr %out, i64 %i
   store double %u, ptr %pu
   %i1 = add i64 %i, 1
   %two = icmp slt i64 %i1, %n
   br i1 %two, label %pair, label %second
 pair:
   %v = fmul double %a, %factor
-  %pv = getelementptr double, ptr %pu, i64 %stride
+  %pv = getelementptr double, ptr %out, i64 %i1
   store double %v, ptr %pv
   br label %second
 second:
@@ -87,6 +82,130 @@ end:
 }}
 """
 )
+
+# Numbers of the generators of a vector, which go on together until each has its pair.
+_TOGETHER = """
+define void @together(ptr %state, i64 %n, ptr %out) {{
+entry:
+  %any = icmp sgt i64 %n, 0
+  br i1 %any, label %first, label %end
+first:
+  %s0 = load {whole}, ptr %state, align 8
+  br label %next
+next:
+  %s = phi {whole} [ %s0, %first ], [ %sk, %store ]
+  %i = phi i64 [ 0, %first ], [ %i2, %store ]
+  br label %try
+try:
+  %x = phi {whole} [ %s, %next ], [ %sk, %try ]
+  %done = phi {truth} [ zeroinitializer, %next ], [ %dk, %try ]
+  %ap = phi {real} [ zeroinitializer, %next ], [ %ak, %try ]
+  %bp = phi {real} [ zeroinitializer, %next ], [ %bk, %try ]
+  %rp = phi {real} [ zeroinitializer, %next ], [ %rk, %try ]
+{drawn}
+  %aa = fmul {real} %a, %a
+  %bb = fmul {real} %b, %b
+  %r2 = fadd {real} %aa, %bb
+  %inside = fcmp ole {real} %r2, {one}
+  %moved = fcmp une {real} %r2, zeroinitializer
+  %good = and {truth} %inside, %moved
+  %sk = select {truth} %done, {whole} %x, {whole} %x4
+  %ak = select {truth} %done, {real} %ap, {real} %a
+  %bk = select {truth} %done, {real} %bp, {real} %b
+  %rk = select {truth} %done, {real} %rp, {real} %r2
+  %dk = or {truth} %done, %good
+  %all = call i1 @llvm.vector.reduce.and.v{width}i1({truth} %dk)
+  br i1 %all, label %store, label %try
+store:
+{log}
+  %scaled = fmul {real} %log, {minus_two}
+  %ratio = fdiv {real} %scaled, %rk
+  %factor = call {real} @llvm.sqrt.v{width}f64({real} %ratio)
+  %u = fmul {real} %bk, %factor
+  %v = fmul {real} %ak, %factor
+  %pu = getelementptr {real}, ptr %out, i64 %i
+  store {real} %u, ptr %pu, align 8
+  %i1 = add i64 %i, 1
+  %pv = getelementptr {real}, ptr %out, i64 %i1
+  store {real} %v, ptr %pv, align 8
+  %i2 = add i64 %i, 2
+  %more = icmp slt i64 %i2, %n
+  br i1 %more, label %next, label %last
+last:
+  store {whole} %sk, ptr %state, align 8
+  br label %end
+end:
+  ret void
+}}
+"""
+
+
+def together(width: int) -> str:
+    """IR of ``together(state, n, out)``: ``normals`` of `width` generators side by side, n even."""
+    types = {name: f"<{width} x {x}>" for name, x in _TYPES.items()}
+    text = _TOGETHER.format(
+        **types,
+        width=width,
+        one=_every(width, "double", "1.0"),
+        minus_two=_every(width, "double", "-2.0"),
+        drawn="\n".join(f"  {line}" for line in _pair(width, **types)),
+        log="\n".join(f"  {line}" for line in _logs(width, types["real"])),
+    )
+    return f"declare i1 @llvm.vector.reduce.and.v{width}i1({types['truth']})\n{text}"
+
+
+_TYPES = {"real": "double", "whole": "i64", "truth": "i1", "half": "i32"}
+
+
+def _every(width: int, kind: str, x: str) -> str:
+    return f"<{', '.join([f'{kind} {x}'] * width)}>"
+
+
+def _pair(width: int, *, real: str, whole: str, truth: str, half: str) -> list[str]:
+    """Lines that draw two uniform numbers, each of two draws, as ``draw`` does."""
+    of, lines = {name: partial(_every, width, x) for name, x in _TYPES.items()}, []
+    modulus = of["whole"](str(_MODULUS))
+    for k in range(1, 5):
+        # A remainder by 2^31 - 1 is a sum of the number's parts, less that once.
+        before = "%x" if k == 1 else f"%x{k - 1}"
+        lines += [
+            f"%m{k} = mul {whole} {before}, {of['whole'](str(_FACTOR))}",
+            f"%low{k} = and {whole} %m{k}, {modulus}",
+            f"%high{k} = lshr {whole} %m{k}, {of['whole']('31')}",
+            f"%t{k} = add {whole} %low{k}, %high{k}",
+            f"%over{k} = icmp uge {whole} %t{k}, {modulus}",
+            f"%less{k} = sub {whole} %t{k}, {modulus}",
+            f"%x{k} = select {truth} %over{k}, {whole} %less{k}, {whole} %t{k}",
+            f"%i{k}a = sub {whole} %x{k}, {of['whole']('1')}",
+            f"%i{k}b = trunc {whole} %i{k}a to {half}",  # below 2^31
+            f"%d{k} = sitofp {half} %i{k}b to {real}",
+        ]
+    values, squared, below = (of["real"](constant(x)) for x in (_VALUES, _SQUARED, _BELOW_ONE))
+    for name, k in (("a", 1), ("b", 3)):
+        lines += [
+            f"%h{name} = fmul {real} %d{k + 1}, {values}",
+            f"%f{name} = fadd {real} %d{k}, %h{name}",
+            f"%y{name} = fdiv {real} %f{name}, {squared}",
+            f"%e{name} = fcmp oge {real} %y{name}, {of['real']('1.0')}",
+            f"%z{name} = select {truth} %e{name}, {real} {below}, {real} %y{name}",
+            f"%w{name} = fmul {real} %z{name}, {of['real']('2.0')}",
+            f"%{name} = fsub {real} %w{name}, {of['real']('1.0')}",
+        ]
+    return lines
+
+
+def _logs(width: int, real: str) -> list[str]:
+    """Lines that take the C library's logarithm of each lane."""
+    lines, before = [], "poison"
+    for lane in range(width):
+        after = "%log" if lane == width - 1 else f"%log{lane}"
+        lines += [
+            f"%of{lane} = extractelement {real} %rk, i32 {lane}",
+            f"%l{lane} = call double @{PREFIX}log(double %of{lane})",
+            f"{after} = insertelement {real} {before}, double %l{lane}, i32 {lane}",
+        ]
+        before = after
+    return lines
 
 
 def seeded(seed: int) -> npt.NDArray[np.int64]:
