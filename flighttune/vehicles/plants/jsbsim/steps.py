@@ -256,7 +256,8 @@ def _commands_at(
     """Roll, load factor and airspeed (m/s) at a time: a doublet in each, then in all."""
 
     def doublet(start: float) -> float:
-        return share * {0: 1.0, 1: -1.0}.get(math.floor((t - start) / _HALF), 0.0)
+        # A command of -0 is none that a law gives.
+        return share * {0: 1.0, 1: -1.0}.get(math.floor((t - start) / _HALF), 0.0) + 0.0
 
     (_, phi_max), (n_z_min, n_z_max) = config.limits.phi, config.limits.n_z
     together = doublet(16.0)
