@@ -18,26 +18,29 @@ class Platform:
     """What code is made for: LLVM's name of it, and the library whose functions JSBSim calls too.
 
     `sincos` is its function that gives a sine and a cosine; empty if it has none. `further` are
-    functions that LLVM calls by itself, with their libraries.
+    functions that LLVM calls by itself, with their libraries; `processor` has all instructions
+    that a step needs.
     """
 
     triple: str
+    processor: str
     library: str
     sincos: str = ""
     further: Mapping[str, str] = field(default_factory=dict)
 
 
 PLATFORMS = {
-    "linux x86_64 glibc": Platform("x86_64-unknown-linux-gnu", "libm.so.6", "sincos"),
-    "darwin arm64": Platform("arm64-apple-darwin", "libSystem.B.dylib", "__sincos"),
+    "linux x86_64 glibc": Platform("x86_64-unknown-linux-gnu", "x86-64-v2", "libm.so.6", "sincos"),
+    "darwin arm64": Platform("arm64-apple-darwin", "apple-m1", "libSystem.B.dylib", "__sincos"),
     # A step has more on its stack than a page, which Windows wants to be touched in order.
     "win32 AMD64": Platform(
-        "x86_64-pc-windows-msvc", "ucrtbase.dll", further={"__chkstk": "ntdll.dll"}
+        "x86_64-pc-windows-msvc", "x86-64-v2", "ucrtbase.dll", further={"__chkstk": "ntdll.dll"}
     ),
 }
 
-# In place of the function that a library has not.
-_SINCOS = f"""
+# What Windows has not: the function, and the mark of code with doubles that its linker asks for.
+_MISSING = f"""
+@_fltused = global i32 0
 declare double @{PREFIX}sin(double)
 declare double @{PREFIX}cos(double)
 define void @{PREFIX}sincos(double %x, ptr %sine, ptr %cosine) alwaysinline {{
@@ -87,11 +90,9 @@ def _llvm() -> Any:
 
 def _machine(level: int, other: str = "") -> Any:
     """The machine of this computer, or any of another platform."""
-    llvm = _llvm()
-    target = llvm.Target.from_triple(PLATFORMS[other or this_platform()].triple)
-    if other:
-        return target.create_target_machine(opt=level, jit=True)
-    name, features = processor()
+    where = PLATFORMS[other or this_platform()]
+    name, features = (where.processor, "") if other else processor()
+    target = _llvm().Target.from_triple(where.triple)
     return target.create_target_machine(opt=level, cpu=name, features=features, jit=True)
 
 
@@ -105,7 +106,7 @@ def object_code(text: str, level: int = 2, *, other: str = "") -> bytes:
     where = PLATFORMS[other or this_platform()]
     module = llvm.parse_assembly(f'target triple = "{where.triple}"\n{text}')
     if not where.sincos:
-        module.link_in(llvm.parse_assembly(f'target triple = "{where.triple}"\n{_SINCOS}'))
+        module.link_in(llvm.parse_assembly(f'target triple = "{where.triple}"\n{_MISSING}'))
     module.verify()
     machine = _machine(level, other)
     options = llvm.create_pipeline_tuning_options(speed_level=level)
