@@ -205,7 +205,7 @@ ENDING = [
     ("theta_deg", "[1.0, 4.0]", {}),
     ("h_m      ", "3.0", {}),
     ("h_m      ", "1000.0", {"thrust_factor": 0.05}),
-    ("h_m      ", "1000.0", {"lift_factor": 0.1}),
+    ("h_m      ", "1000.0", {"lift_factor": 0.1, "mass_factor": 1.1, "cg_aft_m": 0.01}),
 ]
 
 
