@@ -26,9 +26,12 @@ def step_of(config, weather=None, **settings):
     return step
 
 
-def why_not(aircraft, **keys):
-    """Why JSBSim flies an aircraft itself, with the keys of `airframe`; empty if it is compiled."""
-    return steps.not_compiled(varied(aircraft, **keys))
+def why_not(aircraft, air=None, **keys):
+    """Why JSBSim flies an aircraft itself, with the keys of `airframe`; empty if it is compiled.
+
+    `air`: its turbulence and gust, by default none.
+    """
+    return getattr(steps.compiled(varied(aircraft, **keys), **(air or {})), "reason", "")
 
 
 def started(aircraft, condition=None, fdm=None, **settings):

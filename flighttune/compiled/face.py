@@ -26,8 +26,9 @@ from flighttune.compiled.step import MachineStep, Names, traced
 from flighttune.compiled.trace import Number
 from flighttune.compiled.trimming import writing
 
-# Versions of JSBSim that the compiled step reproduces.
-KNOWN_VERSIONS = ("1.3.3",)
+# Where many aircraft were compared: versions of JSBSim, and the platform. A step of another one is
+# checked for longer, and flies if it is equal.
+KNOWN_VERSIONS, KNOWN_PLATFORM = ("1.3.3",), "linux x86_64 glibc"
 
 # Checks of a step that may fail in this process before it is refused without a check.
 MAX_UNCHECKED = 5
@@ -65,8 +66,6 @@ def compiled(
     """
     if why := machine.unknown_platform():
         return Refusal(why)
-    if (found := jsbsim_version()) not in KNOWN_VERSIONS:
-        return Refusal(f"JSBSim must be of version {' or '.join(KNOWN_VERSIONS)}, got {found}")
     return _for_case(source, air, case, lambda: _compiled(source, air, case, check))
 
 
@@ -86,6 +85,15 @@ def evaluated(
 def jsbsim_version() -> str:
     """The installed version of JSBSim."""
     return version("jsbsim")
+
+
+@cache
+def unproven() -> str:
+    """Version and platform of JSBSim if only a check can tell what it does; else empty."""
+    here = machine.this_platform()
+    if jsbsim_version() in KNOWN_VERSIONS and here == KNOWN_PLATFORM:
+        return ""
+    return f"JSBSim {jsbsim_version()} on {here}"
 
 
 def sloped(step: CompiledStep) -> MachineStep:
@@ -146,7 +154,7 @@ class _Known:
 
     ready: Any = None
     differences: dict[str, str] = field(default_factory=dict)  # by case
-    failed: list[str] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)  # by case, also what was not checked
 
 
 @lru_cache(maxsize=64)
@@ -162,21 +170,22 @@ def _for_case(
     A difference is one of its case alone: other numbers are checked by themselves.
     """
     known = _known(source, of)
-    if known.ready is None and case not in known.differences:
+    if known.ready is None and not {case} & {*known.differences, *known.failed}:
         if len(known.failed) >= MAX_UNCHECKED:
-            return Refusal(known.failed[-1])
+            last = [*known.failed.values()][-1]
+            return Refusal(f"{MAX_UNCHECKED} checks of other numbers failed, the last: {last}")
         try:
             kept, known.ready = make()
             known.differences |= kept.differences
-            known.failed += [kept.differences[case]] if case in kept.differences else []
+            if case in kept.differences:
+                known.failed[case] = kept.differences[case]
         except Unchecked as why:
-            known.failed.append(str(why))
-            return Refusal(str(why))
+            known.failed[case] = str(why)
         except Unsupported as what:
             known.ready = Refusal(f"the compiled step does not know {what}")
     if case in known.differences:
         return Refusal(known.differences[case])
-    return known.ready
+    return known.ready or Refusal(known.failed[case])
 
 
 def _checked(kept: Kept, case: str, check: Callable[[], tuple[Loaded | None, str]]) -> Kept:
@@ -201,7 +210,11 @@ def _compiled(
         return Kept(names=names, code=code)
 
     def checked(kept: Kept) -> Kept:
-        return _checked(kept, case, lambda: (None, check(step(kept))))
+        def beside_jsbsim() -> tuple[None, str]:
+            difference = check(step(kept))
+            return None, f"{unproven()}: {difference}" if difference and unproven() else difference
+
+        return _checked(kept, case, beside_jsbsim)
 
     kept = kept_or_made(_key(source, air), made, checked)
     return kept, step(kept) if kept.equal else None

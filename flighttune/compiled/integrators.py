@@ -76,7 +76,7 @@ class Integrator:
 
         at = 1 if k_d else 0  # the slope at the start is not known
         # It is empty while disengaged, and runs once or twice with the loop engaged.
-        once = k_i * dt * past.inputs[0]
+        once = 0.0 + k_i * dt * past.inputs[0]  # a sum that begins at 0 does not become -0
         likely = [once, once + once, 0.0]
         for guess in likely:
             total, exact = guess, True

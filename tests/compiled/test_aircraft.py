@@ -132,10 +132,9 @@ REFUSED = {
     **dict.fromkeys(("c172x", "c310", "global5000"), "<waypoint_heading>"),
     "Short_S23": "a pressure behind the throttle",
     "f16": "`fcs/g-load-pid` differs first",
-    "B17": "`ft/throttle-integral` differs first",
 }
 COMPILED = (
-    *("737", "787-8", "A320", "A4", "B747", "Boeing314", "C130", "Camel", "Concorde"),
+    *("737", "787-8", "A320", "A4", "B17", "B747", "Boeing314", "C130", "Camel", "Concorde"),
     *("DHC6", "F4N", "F80C", "J3Cub", "L17", "L410", "MD11", "OV10", "Shuttle", "T37", "T38"),
     *("X15", "XB-70", "c172p", "c172r", "c182", "dr1", "f104", "f15", "f22", "fokker100"),
     *("minisgs", "p51d", "pa28", "pc7", "pogo-jsbsim", "sgs126", "sgs233", "t6texan2", "x24b"),

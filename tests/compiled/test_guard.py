@@ -165,18 +165,70 @@ def test_a_difference_has_as_many_digits_as_tell_both_apart():
     assert digits <= 4 or len(fewer) == 1
 
 
-@pytest.mark.soak
-def test_a_step_that_one_draw_cannot_check_is_checked_by_another_and_five_at_most_try(copies):
-    folder, none = copies(), "there is no flight to check it in: "
-    assert why_not(folder, thrust_factor=0.05).startswith(none)
-    assert why_not(folder, thrust_factor=0.9) == ""
-    assert why_not(folder, thrust_factor=0.05) == ""
+def said_with(version, folder, aircraft):
+    """What is said of an aircraft with a JSBSim that gives itself another version."""
+    metadata = folder / f"jsbsim-{version}.dist-info" / "METADATA"
+    metadata.parent.mkdir()
+    metadata.write_text(f"Metadata-Version: 2.1\nName: jsbsim\nVersion: {version}\n")
+    of_this = f"import flighttune as ft; x = ft.trim({str(aircraft)!r}, V_a=[150.0], gamma=[0.0])"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{of_this}; print('said:', x.not_compiled)"],
+        env=os.environ | {"PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split("said:")[1].strip()
 
-    other = copies("aerosonde.xml", "0.0135", "0.01350")
-    for factor in (0.05, 0.04, 0.06, 0.03, 0.07):
-        assert why_not(other, thrust_factor=factor).startswith(none)
-    # whoever comes after five that failed is not tried
-    assert why_not(other, thrust_factor=0.9).startswith(none)
+
+@pytest.mark.parametrize(
+    ("aircraft", "wanted"),
+    [
+        pytest.param("a4", "", marks=pytest.mark.slow),
+        pytest.param(
+            Path(__file__).parents[1] / "adopted/f16",
+            r"JSBSim 1\.4\.9 on linux \S+ glibc: `\S+` differs first, in step \d+: .*",
+            marks=pytest.mark.counts,
+        ),
+    ],
+)
+def test_another_version_of_jsbsim_is_tried_and_named_where_it_differs(aircraft, wanted, tmp_path):
+    assert re.fullmatch(wanted, said_with("1.4.9", tmp_path, aircraft))
+
+
+# Aircraft that leave their envelope, touch the ground or have no flight where steps are checked.
+ENDING = [
+    ("alpha_deg", "[1.5, 3.2]", {}),
+    ("alpha_deg", "[-1.0, 6.0]", {}),
+    ("V_a_mps  ", "[24.7, 25.3]", {}),
+    ("n_z      ", "[0.8, 1.2]", {}),
+    ("theta_deg", "[1.0, 4.0]", {}),
+    ("h_m      ", "3.0", {}),
+    ("h_m      ", "1000.0", {"thrust_factor": 0.05}),
+    ("h_m      ", "1000.0", {"lift_factor": 0.1, "mass_factor": 1.1, "cg_aft_m": 0.01}),
+]
+
+
+@pytest.mark.parametrize("air", [{"turbulence": "tustin"}, {"gust": True}])
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(x, marks=pytest.mark.slow if x is ENDING[2] else pytest.mark.soak)
+        for x in ENDING
+    ],
+    ids=str,
+)
+def test_a_check_flight_that_ends_early_is_flown_otherwise(case, air, tmp_path, empty_cache):
+    key, value, off = case
+    folder = changed_aerosonde(tmp_path / "own", str)
+    file = folder / "aircraft.toml"
+    text, found = re.subn(f"(?m)^{key} .*=.*", f"{key} = {value}", file.read_text(), count=1)
+    assert found
+    file.write_text(text.replace("[20.0, 25.0, 30.0]", "[25.0]"))
+    of_this_model(folder)
+
+    assert why_not(folder, air, **off) == ""
+    assert len(steps_in(empty_cache)) == 1
 
 
 # A value of each key of a fault; two of them are times.
@@ -205,20 +257,21 @@ def test_nor_for_what_ends(ended_by, copies):
     assert why_not(copies(), fault=FAULT | {"ended_by": ended_by}) == ""
 
 
+# A leg so long and soft that it touches the ground in flight.
 LEG = """<ground_reactions><contact type="BOGEY" name="leg">
-    <location unit="M"> <x> 0.4 </x> <y> 0 </y> <z> -0.3 </z> </location>
+    <location unit="M"> <x> 0.4 </x> <y> 0 </y> <z> -{} </z> </location>
     <static_friction>0.5</static_friction> <dynamic_friction>0.3</dynamic_friction>
-    <spring_coeff unit="LBS/FT">10</spring_coeff>
-    <damping_coeff unit="LBS/FT/SEC">1</damping_coeff>
+    <spring_coeff unit="LBS/FT">1e-9</spring_coeff>
+    <damping_coeff unit="LBS/FT/SEC">1e-9</damping_coeff>
 </contact></ground_reactions>"""
 SPRING = """<axis name="DRAG"><function name="a/spring"><product><value>1e-9</value>
     <property>gear/unit/compression-ft</property></product></function>"""
 
 
-def on_a_leg(text):
+def on_a_leg(text, length):
     assert "<ground_reactions/>" in text
     text = text.replace('<axis name="DRAG">', SPRING)
-    return text.replace("<ground_reactions/>", LEG)
+    return text.replace("<ground_reactions/>", LEG.format(length))
 
 
 @pytest.mark.parametrize(
@@ -226,17 +279,29 @@ def on_a_leg(text):
     [pytest.param(True, marks=pytest.mark.soak), pytest.param(False, marks=pytest.mark.counts)],
 )
 def test_a_difference_is_kept_for_the_case_it_was_seen_in_alone(low_first, tmp_path, empty_cache):
-    """JSBSim moves the spring of a leg in a check near the ground, and in no other."""
+    """JSBSim moves the spring of a leg in a check that touches the ground, and in no other."""
     names = ("low", "high") if low_first else ("high", "low")
     said = {}
     for name in names * 2:  # in this process, and from the file
-        folder = changed_aerosonde(tmp_path / f"{name}{len(said)}", on_a_leg)
+        folder = changed_aerosonde(tmp_path / f"{name}{len(said)}", lambda x: on_a_leg(x, 400))
         file = folder / "aircraft.toml"
         if name == "low":
-            file.write_text(file.read_text().replace("h_m              = ", "h_m = 3.0 #"))
+            file.write_text(file.read_text().replace("h_m              = ", "h_m = 300.0 #"))
             of_this_model(folder)
         said[f"{name}{len(said)}"] = "gear/unit/compression-ft" in refused(folder)
 
     # A check that was equal stands for all numbers that none refused.
     assert not any(difference for name, difference in said.items() if name.startswith("high"))
     assert [x for name, x in said.items() if name.startswith("low")] == [low_first] * 2
+
+
+@pytest.mark.counts
+def test_five_cases_that_fail_are_tried_however_often_each_is_asked_for(tmp_path, empty_cache):
+    folder = changed_aerosonde(tmp_path / "own", lambda x: on_a_leg(x, 2000))
+    said = [why_not(folder, mass_factor=1.0 + 0.01 * k) for k in (1, 1, 1, 1, 1, 1, 2, 3, 4, 5, 6)]
+
+    assert all("compression-ft" in why for why in said)
+    assert [why.startswith("5 checks of other numbers failed") for why in said] == [
+        *[False] * 10,
+        True,
+    ]

@@ -4,6 +4,7 @@ import ctypes
 
 import numpy as np
 import pytest
+from object_files import platform_of, taken
 
 from flighttune.compiled import ir, machine, slopes, trace
 
@@ -126,3 +127,24 @@ def test_steps_made_together_or_apart_are_those_of_floats_to_the_bit(step, count
 
     assert sum(counts) == 1 or len(ways) > 2  # branches go both ways
     assert step(*counts) == (*state, *shown(*state), state[0] * before[1], before[1])
+
+
+@pytest.mark.parametrize("platform", machine.PLATFORMS)
+def test_code_for_each_platform_takes_what_its_libraries_have_alone(platform):
+    """A process ends if a function is missing when code is loaded."""
+    graph = trace.Graph()
+    x, y = (graph.node("input", name) for name in "xy")
+    # More values at a time than fit into a page of the stack.
+    terms = [call("sin", x * (k + 1.5)) for k in range(600)]
+    whole = sum(terms)
+    values = [sum(term * (whole + k) for k, term in enumerate(terms))]
+    values += [operation(x, y) for operation in OPERATIONS.values()]
+    text = ir.step_ir(graph, {"x": ("s", 0), "y": ("s", 1)}, [x, y], values, [], 0)
+    known = machine.PLATFORMS[platform]
+    functions = {*trace.LIBRARY, *(["sincos"] if known.sincos else [])}
+    there = {f"{ir.PREFIX}{name}" for name in functions} | {*known.further}
+
+    code = machine.object_code(text, other=platform)
+
+    assert platform_of(code) == platform
+    assert {*known.further, f"{ir.PREFIX}pow"} <= taken(code) <= there
