@@ -37,6 +37,10 @@ OPERATIONS = {
 }
 
 
+def step_ir(*step):
+    return ir.module(ir.function_ir("step", *step))
+
+
 def compiled(function):
     """A function of x and y in machine code that gives its value and its slope along (dx, dy)."""
     graph = trace.Graph()
@@ -45,7 +49,7 @@ def compiled(function):
     (slope,) = slopes.slopes(graph, {"x": dx, "y": dy}, [value])
     places = {name: ("s", i) for i, name in enumerate(("x", "y", "dx", "dy"))}
     loaded = machine.Loaded(
-        machine.object_code(ir.step_ir(graph, places, [x, y, dx, dy], [value, slope], [], 0))
+        machine.object_code(step_ir(graph, places, [x, y, dx, dy], [value, slope], [], 0))
     )
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     step = ctypes.CFUNCTYPE(None, pointer, pointer, count, pointer, pointer, count)(
@@ -101,7 +105,7 @@ def step():
     graph = trace.Graph()
     x, y = (graph.node("input", name) for name in "xy")
     new = moved(x, y)
-    text = ir.step_ir(graph, {"x": ("s", 0), "y": ("s", 1)}, new, shown(*new), [new[0] * y, y], 0)
+    text = step_ir(graph, {"x": ("s", 0), "y": ("s", 1)}, new, shown(*new), [new[0] * y, y], 0)
     loaded = machine.Loaded(machine.object_code(text))
     pointer, count = ctypes.c_void_p, ctypes.c_int64
     function = ctypes.CFUNCTYPE(None, pointer, pointer, count, pointer, pointer, count)(
@@ -139,7 +143,7 @@ def test_code_for_each_platform_takes_what_its_libraries_have_alone(platform):
     whole = sum(terms)
     values = [sum(term * (whole + k) for k, term in enumerate(terms))]
     values += [operation(x, y) for operation in OPERATIONS.values()]
-    text = ir.step_ir(graph, {"x": ("s", 0), "y": ("s", 1)}, [x, y], values, [], 0)
+    text = step_ir(graph, {"x": ("s", 0), "y": ("s", 1)}, [x, y], values, [], 0)
     known = machine.PLATFORMS[platform]
     functions = {*trace.LIBRARY, *(["sincos"] if known.sincos else [])}
     there = {f"{ir.PREFIX}{name}" for name in functions} | {*known.further}
