@@ -6,7 +6,8 @@ PIP    := $(PYTHON) -m pip install --quiet --disable-pip-version-check
 UV     := UV_SYSTEM_CERTS=1 UV_NATIVE_TLS=1 $(PYTHON) -m uv
 DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
-PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+PROCESSES := 2
+PYTEST = $(PYTHON) -m pytest -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo ready check test soak counts strength lint docs bench bounds clean picture-packages
 
@@ -45,7 +46,9 @@ SELECTED := "not (soak or counts)"
 WARM = $(PYTHON) tests/compile_kernels.py & rm -rf $(VENV)/compiled; \
 	$(VENV)/bin/flighttune --workers 1 campaign first_campaign --runs 4 -q --out $(VENV)/compiled; wait $$!
 
-# What takes long: whole commands, campaigns, missions, benchmarks, every picture at every size.
+# What takes long: whole commands, campaigns, missions, benchmarks, every picture at every size. Browsers,
+# servers and processes that are killed wait much: a third process uses that time.
+soak: PROCESSES := 3
 soak: ready
 	$(PYTEST) -m "soak and not counts"
 
