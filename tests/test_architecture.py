@@ -25,6 +25,7 @@ ONLY_IN = {
     "distributed": "campaigns/engine/cluster",
     "gymnasium": "gym/",
     "jsbsim": "vehicles/plants/jsbsim",
+    "capstone": "compiled/",
     "llvmlite": "compiled/machine.py",
     "numba": "flight/loop/kernel.py",
     "pymavlink": "logs/read.py",

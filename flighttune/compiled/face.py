@@ -18,7 +18,8 @@ from flighttune.compiled.cache import Kept, kept_or_made
 from flighttune.compiled.check import Unchecked
 from flighttune.compiled.evaluated import Evaluation, Loaded
 from flighttune.compiled.ir import ALONE, Lanes
-from flighttune.compiled.lanes import LaneStep, fly_ir, lanes_differ, widest
+from flighttune.compiled.lanes import LaneStep, fly_ir, lanes_differ, widths
+from flighttune.compiled.lifted import Lifted, lifted
 from flighttune.compiled.model import Air, Source
 from flighttune.compiled.properties import Properties, Unsupported
 from flighttune.compiled.settling import BeforeFlight, before_flight
@@ -117,35 +118,30 @@ def in_lanes(step: CompiledStep, start: Start) -> LaneStep:
     The first use flies the lanes beside the step alone, from a `start`, and is cached. Where they
     differ, flights are stepped one after the other.
     """
-    several = _in_lanes(step, start, widest())
-    return several if several is not None else _of_kept(_lanes_of(step, 1), 1)
+    wide, calling = widths()
+    functions = lifted(wide, _digest)
+    width = wide if functions.names else calling
+    return _in_lanes(step, width, functions, start) or _in_lanes(step, 1, Lifted())
 
 
-def _in_lanes(step: CompiledStep, start: Start, width: int) -> LaneStep | None:
-    def checked(kept: Kept) -> Kept:
-        if kept.equal or kept.differences:
-            return kept
-        difference = lanes_differ(_of_kept(kept, width), step.machine, start)
-        return replace(
-            kept, equal=not difference, differences={"": difference} if difference else {}
-        )
+def _in_lanes(step: CompiledStep, width: int, functions: Lifted, start: Start | None = None) -> Any:
+    """The step of so many lanes; None where they differ from the step alone after a `start`."""
 
-    kept = _lanes_of(step, width, checked)
-    return _of_kept(kept, width) if kept.equal else None
-
-
-def _of_kept(kept: Kept, width: int) -> LaneStep:
-    return LaneStep(kept.names, kept.code, width)
-
-
-def _lanes_of(
-    step: CompiledStep, width: int, check: Callable[[Kept], Kept] = lambda kept: kept
-) -> Kept:
     def made() -> Kept:
-        names, code = _code(step.source, step.air, lanes=Lanes(width))
+        names, code = _code(step.source, step.air, lanes=Lanes(width, functions.names))
         return Kept(names=names, code=code)
 
-    return kept_or_made(_key(step.source, step.air, f"lanes {width}"), made, check)
+    def checked(kept: Kept) -> Kept:
+        if start is None or kept.equal or kept.differences:
+            return kept
+        lanes = LaneStep(kept.names, kept.code, width)
+        difference = lanes_differ(lanes, step.machine, start)
+        found = {"": difference} if difference else {}
+        return replace(kept, equal=not difference, differences=found)
+
+    kind = f"lanes {width} {' '.join(functions.names)}"
+    kept = kept_or_made(_key(step.source, step.air, kind), made, checked)
+    return LaneStep(kept.names, kept.code, width) if kept.equal or start is None else None
 
 
 @dataclass
@@ -273,6 +269,7 @@ def _code(
     names, text = traced(model, shown, sloped=sloped, lanes=lanes or ALONE)
     if lanes is not None:
         text += fly_ir(names, lanes.width)
+        text += lifted(lanes.width, _digest).text if lanes.lifted else ""
     return names, machine.object_code(text)
 
 

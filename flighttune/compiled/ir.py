@@ -27,7 +27,7 @@ from flighttune.compiled.trace import (
 # Beginning of the names by which compiled code knows functions of the C library.
 PREFIX = "flighttune_"
 
-_SCALARS = "\n".join(
+_DECLARATIONS = "\n".join(
     [
         *(
             f"declare double @{PREFIX}{name}({', '.join(['double'] * count)}) #0"
@@ -86,26 +86,9 @@ end:
 """
 
 
-def declarations(width: int = 1) -> str:
-    """Declarations of what steps of so many lanes call."""
-    if width == 1:
-        return _SCALARS
-    reals, truths, pointers = (f"<{width} x {x}>" for x in ("double", "i1", "ptr"))
-    kind = f"v{width}f64"
-    gather = f"{reals} @llvm.masked.gather.{kind}.v{width}p0({pointers}, i32, {truths}, {reals})"
-    return "\n".join(
-        [
-            _SCALARS,
-            *(f"declare {reals} @llvm.{name}.{kind}({reals})" for name in INSTRUCTIONS),
-            f"declare {gather}",
-            f"declare i1 @llvm.vector.reduce.or.v{width}i1({truths})",
-        ]
-    )
-
-
-def module(*functions: str, width: int = 1) -> str:
+def module(*functions: str) -> str:
     """IR of several functions."""
-    return "\n".join((declarations(width), *functions))
+    return "\n".join((_DECLARATIONS, *functions))
 
 
 def function_ir(

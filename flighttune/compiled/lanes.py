@@ -18,8 +18,9 @@ from flighttune.compiled.step import MachineStep, Names
 # Integration steps whose normal numbers are drawn at once.
 _DRAWN = 256
 
-# Lanes of a vector, by the instructions that a processor has.
-_WIDTHS = {"avx2": 4, "sse2": 2}
+# Lanes of a vector, by the instructions that a processor has. Eight are slower than four where the
+# C library is called lane by lane.
+_WIDTHS, _WITH_FUNCTIONS = {"avx2": 4, "sse2": 2}, {"avx512f": 8}
 
 # Steps and flights on which lanes are compared with flights alone, and the largest change of a
 # command there, as a share of one.
@@ -55,11 +56,14 @@ end:
 """
 
 
-def widest() -> int:
-    """Lanes of a vector on this processor."""
+def widths() -> list[int]:
+    """Lanes of a vector on this processor: with functions over vectors, and without."""
     _, features = machine.processor()
     has = {feature[1:] for feature in features.split(",") if feature.startswith("+")}
-    return next((width for name, width in _WIDTHS.items() if name in has), 1)
+    return [
+        next((width for name, width in known.items() if name in has), 1)
+        for known in (_WITH_FUNCTIONS | _WIDTHS, _WIDTHS)
+    ]
 
 
 def fly_ir(names: Names, width: int) -> str:
@@ -84,6 +88,7 @@ class LaneStep:
     def __init__(self, names: Names, code: bytes, width: int) -> None:
         self.names, self.width = names, width
         self._loaded = Loaded(code)
+        self._loaded.place_library()
         pointer, count = ctypes.c_void_p, ctypes.c_int64
         kind = ctypes.CFUNCTYPE(
             *(None, pointer, pointer, count, count, pointer, pointer, pointer, count)

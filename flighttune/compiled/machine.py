@@ -5,6 +5,7 @@ import ctypes
 import platform
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -83,9 +84,30 @@ def _llvm() -> Any:
     functions += [(f"{PREFIX}sincos", name, here.library) for name in [here.sincos] if name]
     functions += [(name, name, library) for name, library in here.further.items()]
     for name, of_library, library in functions:
-        function = getattr(ctypes.CDLL(library), of_library)
-        llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+        llvm.add_symbol(name, _address(library, of_library))
     return llvm
+
+
+def _address(library: str, name: str) -> int:
+    function = getattr(ctypes.CDLL(library), name)
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+def library_address(name: str) -> int:
+    """Where the code of a function of the C library is in this process."""
+    return _address(PLATFORMS[this_platform()].library, name)
+
+
+@cache
+def library_region() -> range:
+    """The addresses of the C library in this process, on Linux; none elsewhere."""
+    found, library = [], PLATFORMS[this_platform()].library
+    library_address("sin")  # it is loaded
+    with suppress(OSError), open("/proc/self/maps", encoding="utf-8") as maps:
+        for line in maps:
+            if line.rstrip().endswith(f"/{library}"):
+                found += [int(x, 16) for x in line.split()[0].split("-")]
+    return range(min(found, default=0), max(found, default=0))
 
 
 def _machine(level: int, other: str = "") -> Any:
@@ -128,3 +150,8 @@ class Loaded:
     def address(self, name: str) -> int:
         """Address of a function; 0 if there is none of that name."""
         return self._engine.get_function_address(name)
+
+    def place_library(self) -> None:
+        """Tell code that reads the tables of the C library where it begins in this process."""
+        if place := self.address("place_library"):
+            ctypes.CFUNCTYPE(None, ctypes.c_int64)(place)(library_region().start)

@@ -143,7 +143,7 @@ end:
 def together(width: int) -> str:
     """IR of ``together(state, n, out)``: ``normals`` of `width` generators side by side, n even."""
     types = {name: f"<{width} x {x}>" for name, x in _TYPES.items()}
-    text = _TOGETHER.format(
+    return _TOGETHER.format(
         **types,
         width=width,
         one=_every(width, "double", "1.0"),
@@ -151,7 +151,6 @@ def together(width: int) -> str:
         drawn="\n".join(f"  {line}" for line in _pair(width, **types)),
         log="\n".join(f"  {line}" for line in _logs(width, types["real"])),
     )
-    return f"declare i1 @llvm.vector.reduce.and.v{width}i1({types['truth']})\n{text}"
 
 
 _TYPES = {"real": "double", "whole": "i64", "truth": "i1", "half": "i32"}

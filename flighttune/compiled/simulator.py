@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import nearest_name
+from flighttune.base.signatures import with_short_signatures
 from flighttune.base.words import got
 from flighttune.compiled.aircraft import CompiledStep, Start
 from flighttune.compiled.dynamics import Doubles
@@ -89,6 +90,7 @@ def load(aircraft: str | Path, *, inputs: Inputs = "commands") -> "Aircraft":
     return Aircraft(import_module(AIRCRAFT).loaded(aircraft, inputs))
 
 
+@with_short_signatures
 class Aircraft:
     """An aircraft in machine code; `load` makes it.
 
@@ -371,6 +373,7 @@ class _Properties:
         return self._shown[:, at].reshape(-1)
 
 
+@with_short_signatures
 class State:
     """Flights of an aircraft at one time; `Aircraft.trim` and `Aircraft.step` make it.
 

@@ -63,7 +63,7 @@ def traced(
     places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
     values = list(signals.values()), properties, len(stream)
     step = function_ir("step", graph, places, new, *values, lanes=lanes)
-    return names, module(step, normals.NORMALS, width=lanes.width)
+    return names, module(step, normals.NORMALS)
 
 
 def _with_slopes(
