@@ -23,7 +23,7 @@ ONLY_IN = {
     "cvxpy": "control/theory/lmi.py",
     "dask": "campaigns/engine/cluster",
     "distributed": "campaigns/engine/cluster",
-    "gymnasium": "gym.py",
+    "gymnasium": "gym/",
     "jsbsim": "vehicles/plants/jsbsim",
     "llvmlite": "compiled/machine.py",
     "numba": "flight/loop/kernel.py",
@@ -32,6 +32,7 @@ ONLY_IN = {
     "rasterio": "routes/raster.py",
     # A recording names the runs it was drawn from.
     "rerun": ("outputs/recording", "flight/records/parquet.py"),
+    "stable_baselines3": "gym/baselines.py",
     "starlette": "outputs/live/server.py",
     "uvicorn": "outputs/live/",
 }  # a file, or the folder it may be used in

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError, ScenarioError, TrimError
+from flighttune.base.errors import InputError, ScenarioError, TrimError, need
 from flighttune.base.files import code
 from flighttune.base.signatures import with_short_signatures
 from flighttune.base.words import got
@@ -21,7 +21,7 @@ from flighttune.flight.fly import manoeuvre, plant_of, steady_wind
 from flighttune.flight.loop.aircraft import CEILING
 from flighttune.flight.loop.loop import sampled
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.gym import HALF_RAD, MAX_DRAWS, FlightEnv
+from flighttune.gym.env import HALF_RAD, MAX_DRAWS, FlightEnv
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant
 from flighttune.vehicles.simulated import Simulated, started
 
@@ -112,6 +112,7 @@ class FlightVectorEnv(VectorEnv):
         aircraft: int | None = None,
         autoreset_mode: Literal["next_step", "same_step", "disabled"] = "next_step",
     ) -> None:
+        need("`FlightVectorEnv`", "gymnasium")
         modes = {mode.name.lower(): mode for mode in AutoresetMode}
         if autoreset_mode not in modes:
             raise InputError(

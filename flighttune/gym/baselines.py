@@ -8,7 +8,7 @@ import numpy.typing as npt
 from stable_baselines3.common.vec_env import VecEnv  # pyright: ignore[reportMissingImports]
 
 from flighttune.base.errors import InputError
-from flighttune.gym_vector import FlightVectorEnv
+from flighttune.gym.vector import FlightVectorEnv
 
 
 class Baselines(VecEnv):
@@ -46,13 +46,13 @@ class Baselines(VecEnv):
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         return [getattr(self.env, attr_name)] * len(self._lanes(indices))
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+    def set_attr(self, attr_name: str, *_: Any, **__: Any) -> None:
         raise InputError(f"`{attr_name}` of flights cannot be set one by one.")
 
-    def env_method(self, method_name: str, *_: Any, indices: Any = None, **__: Any) -> list[Any]:
+    def env_method(self, method_name: str, *_: Any, **__: Any) -> list[Any]:
         raise InputError(f"`{method_name}` of flights cannot be called one by one.")
 
-    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+    def env_is_wrapped(self, _: type, indices: Any = None) -> list[bool]:
         return [False] * len(self._lanes(indices))
 
     def _lanes(self, indices: Any) -> Sequence[int]:

@@ -32,14 +32,10 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 
-if TYPE_CHECKING:
-    from flighttune.gym_vector import FlightVectorEnv
 if TYPE_CHECKING or find_spec("gymnasium"):
     from gymnasium import Env, register, spaces
 else:  # its name stays public without the extra, and `need` says what is missing
     Env = object
-
-__all__ = ["FlightEnv", "FlightVectorEnv", "stable_baselines"]  # noqa: F822 (by `__getattr__`)
 
 # Errors of position, angles and airspeed that each cost half of the reward of a step.
 HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
@@ -418,42 +414,7 @@ def _at(rate_hz: float, scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"controller": controller})
 
 
-def stable_baselines(env: "FlightVectorEnv") -> Any:
-    """Flights as a vector environment of Stable-Baselines3, which does not take Gymnasium's.
-
-    Parameters
-    ----------
-    env : FlightVectorEnv
-        Its option `autoreset_mode` must be ``same_step``.
-
-    Returns
-    -------
-    stable_baselines3.common.vec_env.VecEnv
-        For its algorithms, such as ``PPO("MlpPolicy", ft.gym.stable_baselines(env))``.
-
-    Raises
-    ------
-    InputError
-        If Stable-Baselines3 is not installed, or the flights begin anew in another step.
-    """
-    if find_spec("stable_baselines3") is None:
-        raise InputError(
-            "`stable_baselines` must have Stable-Baselines3: pip install stable-baselines3"
-        )
-    from flighttune.gym_baselines import Baselines
-
-    return Baselines(env)
-
-
 if Env is not object:
-    many = "flighttune.gym_vector:FlightVectorEnv"
+    many = "flighttune.gym.vector:FlightVectorEnv"
     options = {"world": WORLD, "scaled": True}
-    register(NAME, "flighttune.gym:FlightEnv", vector_entry_point=many, kwargs=options)
-
-
-def __getattr__(name: str) -> Any:
-    if name == "FlightVectorEnv":  # whose module takes from this one
-        from flighttune.gym_vector import FlightVectorEnv
-
-        return FlightVectorEnv
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    register(NAME, "flighttune.gym.env:FlightEnv", vector_entry_point=many, kwargs=options)
