@@ -33,6 +33,7 @@ ONLY_IN = {
     "rasterio": "routes/raster.py",
     # A recording names the runs it was drawn from.
     "rerun": ("outputs/recording", "flight/records/parquet.py"),
+    "stable_baselines3": "gym/baselines.py",
     "starlette": "outputs/live/server.py",
     "uvicorn": "outputs/live/",
 }  # a file, or the folder it may be used in

@@ -30,11 +30,3 @@ def test_the_first_example_flies_and_records(tmp_path):
     ]
     assert {run.status for run in names["flown"].runs} == {"completed"}
     assert list((tmp_path / "runs/mine").glob("*.rrd"))
-
-
-@pytest.mark.soak
-def test_the_example_of_an_agent_flies_and_records(tmp_path):
-    names = example(-1, tmp_path)
-
-    assert names["env"].flown.runs[0].status == "completed"
-    assert list((tmp_path / "runs/agent").glob("*.rrd"))
