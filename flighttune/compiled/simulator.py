@@ -129,6 +129,9 @@ class Aircraft:
             ``light``, ``moderate`` or ``severe``, for all flights.
         model : str
             Its model, ``tustin`` or ``milspec``.
+        gust : mapping, optional
+            One 1-cosine gust for all flights, by the keys of ``[gust]``: ``axis``, ``peak_mps``,
+            ``start_s``, ``length_m`` and ``hold_s``.
         seed : int or shape (n,)
             Of the turbulence; by default 0 to n - 1.
         **factors : float or shape (n,)

@@ -29,7 +29,7 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.jsbsim.model_files import unchanged
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant, check_off_nominal
 from flighttune.vehicles.plants.weather import CALM, NED, Weather, WindProfile
-from flighttune.vehicles.weather_keys import TurbulenceTable
+from flighttune.vehicles.weather_keys import GustTable, TurbulenceTable
 
 _COMMANDS: Mapping[str, str] = {"phi_cmd": properties.PHI_CMD, "n_z_cmd": properties.N_Z_CMD}
 _SURFACES: Mapping[str, str] = dict(zip((*SURFACES, "throttle"), properties.TRIMS, strict=True))
@@ -64,6 +64,7 @@ class Simulated:
         wind: npt.ArrayLike = CALM,
         turbulence: str | None = None,
         model: str = "tustin",
+        gust: Mapping[str, Any] | None = None,
         seed: npt.ArrayLike | None = None,
         **given: npt.ArrayLike,
     ) -> Trimmed:
@@ -76,12 +77,16 @@ class Simulated:
         n = _flights(n, columns | {"wind": winds} | ({} if seeds is None else {"seed": seeds}))
         table = {"intensity": turbulence, "model": model}
         dryden = validated(TurbulenceTable, table, "`trim`").turbulence() if turbulence else None
+        blow = None if gust is None else validated(GustTable, gust, "`gust` of `trim`")
 
         @cache
         def begun(row: tuple[tuple[str, float], ...], air: NED) -> Any:
-            profile, windy = WindProfile(((0.0, air),)), dryden or any(air)
-            weather = Weather(wind=profile, turbulence=dryden) if windy else None
-            return self._started(dict(row), weather)
+            of = dict(row)
+            still = not (dryden or blow or any(air))
+            cosine = blow and blow.gust(of.get("V_a", steps.design_flight(self._config)[0]))
+            profile = WindProfile(((0.0, air),))
+            weather = Weather(wind=profile, turbulence=dryden, gust=cosine)
+            return self._started(of, None if still else weather)
 
         flights = []
         for i, drawn in enumerate(np.arange(n) if seeds is None else np.broadcast_to(seeds, n)):

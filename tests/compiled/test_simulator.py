@@ -73,12 +73,16 @@ LONGER = [
 ]
 
 
-def assert_flown_as_by_jsbsim(name, model, lanes, samples):
+GUST = {"axis": "right", "peak_mps": 3.0, "start_s": 0.3, "length_m": 20.0}
+
+
+def assert_flown_as_by_jsbsim(name, model, lanes, samples, gust=None):
     """Flights of five, which fill no vector, of which one is put back half way and flown again."""
     n, actions = 5, actions_of(5, samples)
     aircraft = ft.compiled.load(name)
     air = {} if model is None else {"turbulence": {"intensity": "light", "model": model}}
     asked = {} if model is None else {"turbulence": "light", "model": model}
+    asked, air = (asked | {"gust": gust}, air | {"gust": gust}) if gust else (asked, air)
     speeds = aircraft.trim()["V_a"] * np.linspace(0.98, 1.04, n)
     state = half = aircraft.trim(V_a=speeds, h=1000.0, seed=np.arange(1, n + 1), **asked)
     states = [state]
@@ -101,6 +105,11 @@ def assert_flown_as_by_jsbsim(name, model, lanes, samples):
 @pytest.mark.parametrize(("name", "model"), [*QUICK, *LONGER])
 def test_every_flight_is_that_of_jsbsim_to_the_bit(name, model):
     assert_flown_as_by_jsbsim(name, model, range(5), 60)
+
+
+@pytest.mark.slow
+def test_flights_through_a_gust_are():
+    assert_flown_as_by_jsbsim("aerosonde", None, (0, 4), 60, GUST)
 
 
 # JSBSim's own aircraft that are adopted; of some no step is compiled.
@@ -246,6 +255,10 @@ REFUSED = {
     "two lengths": (lambda a, s: a.trim(V_a=[24.0, 25.0], h=[1e3] * 3), "3 of them, got 2"),
     "an airspeed outside": (lambda a, s: a.trim(V_a=[25.0, 90.0]), "flight 1: `V_a` must lie in"),
     "no such air": (lambda a, s: a.trim(turbulence="big"), "'light', 'moderate' or 'severe'"),
+    "a gust along none": (
+        lambda a, s: a.trim(gust=GUST | {"axis": "up"}),
+        "`axis` must be 'ahead', 'right' or 'down'",
+    ),
     "a wind of two": (lambda a, s: a.trim(wind=[1.0, 2.0]), r"`wind` must have the shape \(3,\)"),
     "other air": (lambda a, s: s.put(0, a.trim()), "in the same kind of air"),
     "a slope of none": (
