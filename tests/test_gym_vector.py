@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
@@ -94,6 +95,35 @@ def test_an_episode_has_the_observations_and_rewards_of_the_environment_of_one(s
     assert flown == 30
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sensors": {"chi_bias_deg": 1.0, "gamma_noise_sd_deg": 0.3, "V_a_noise_sd_mps": 0.5}},
+        pytest.param(
+            {"sensors": {"chi_noise_sd_deg": 0.5, "noise_time_constant_s": 0.5}},
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=["bias and noise", "slow noise"],
+)
+def test_sensors_err_as_in_the_environment_of_one(changes):
+    """By the seed of each episode, also of one that begins later."""
+    many, one = vector(2, SHORT | changes), ft.gym.FlightEnv(world(SHORT | changes))
+    seen, begun = many.reset(seed=3)
+    for again in range(2):
+        if again:
+            seen, begun = many.reset(options={"reset_mask": np.array([False, True])})
+        one.np_random = SimpleNamespace(integers=lambda *_, seed=begun["seed"][1]: seed)
+        obs, info = one.reset()
+        assert info["seed"] == begun["seed"][1]
+        assert seen[1] == pytest.approx(obs, abs=3e-6)
+        for _ in range(20):
+            obs, reward, *_ = one.step([0.2, 1.05])
+            seen, rewards, *_ = many.step([[0.2, 1.05]] * 2)
+            assert seen[1] == pytest.approx(obs, abs=3e-6)
+            assert rewards[1] == pytest.approx(reward, abs=1e-7)
+
+
 @pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
 def test_flights_that_are_over_begin_anew_as_the_mode_says(mode):
     """The second of two flights dives out of its envelope; the other one is over at its time."""
@@ -183,11 +213,10 @@ REFUSED = {
     "no flights": (lambda _: vector(0), "`num_envs` must be at least 1"),
     "another mode": (lambda _: vector(1, autoreset_mode="never"), "must be next_step, same_step"),
     "a route": (lambda _: ft.gym.FlightVectorEnv(1, "circuit"), "without a route"),
-    "sensors of draws": (
-        lambda _: ft.gym.FlightVectorEnv(1, "first_campaign").reset(),
-        "without errors of sensors",
+    "navigation": (
+        lambda _: ft.gym.FlightVectorEnv(1, world({"navigation.grade": "standard"} | SHORT)),
+        "without errors of navigation",
     ),
-    "sensors": (lambda _: ft.gym.FlightVectorEnv(1, "sensor_noise"), "without errors of sensors"),
     "no aircraft": (
         lambda _: ft.gym.FlightVectorEnv(1, "level_turn", plant="kinematic").reset(),
         "must fly an aircraft",

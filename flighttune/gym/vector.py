@@ -69,7 +69,7 @@ class FlightVectorEnv(VectorEnv):
     num_envs : int
         Number n of flights.
     world : Scenario, Campaign, str or Path
-        A scenario or campaign with an aircraft, without a route, sensors or navigation, in still
+        A scenario or campaign with an aircraft, without a route or navigation, in still
         air, steady wind, turbulence and a gust.
     plant, rate_hz, scaled
         As for `FlightEnv`.
@@ -143,7 +143,6 @@ class FlightVectorEnv(VectorEnv):
         lacks = {
             "a route": scenario.route is None,
             "a commanded airspeed": not scenario.airspeed,
-            "errors of sensors": scenario.sensors is None,
             "errors of navigation": scenario.navigation is None,
             "speed priority": not scenario.controller.speed_priority,
         }
@@ -201,6 +200,8 @@ class FlightVectorEnv(VectorEnv):
         self._envelopes = np.stack([x.envelope for x in flown])
         self._starts = np.stack([x.commands for x in flown])
         n = self.num_envs
+        sensed = any(x.scenario.sensors_on(self._alone.plant) for x in flown)
+        self._errors = np.zeros((n, self._lasts.max() + 1, 3)) if sensed else None
         self._of, self._sample = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
         self._commands, self._seen = np.zeros((n, 2)), np.zeros((n, len(self.observed)))
 
@@ -250,6 +251,7 @@ class FlightVectorEnv(VectorEnv):
         self._over[lanes] = False
         self._last, self._of_limits = self._lasts[self._of], self._limits[self._of].swapaxes(0, 1)
         self._of_envelope = self._envelopes[self._of].swapaxes(0, 1)
+        self._draw_errors(lanes, seeds)
         begun = np.stack([self.state[name] for name in SEEN], axis=1)
         self._seen[lanes] = self._shown(begun)[lanes]
         infos = {"seed": np.zeros(self.num_envs, dtype=int), "_seed": np.zeros(self.num_envs, bool)}
@@ -259,9 +261,23 @@ class FlightVectorEnv(VectorEnv):
             infos |= {"draw": draws, "_draw": infos["_seed"].copy()}
         return infos
 
+    def _draw_errors(
+        self, lanes: npt.NDArray[np.integer[Any]], seeds: npt.NDArray[np.integer[Any]]
+    ) -> None:
+        """Draw what the sensors of flights that begin will err."""
+        if self._errors is None:
+            return
+        for lane, seed in zip(lanes, seeds, strict=True):
+            scenario = self._flown[self._of[lane]].scenario.model_copy(update={"seed": int(seed)})
+            sensors = scenario.sensors_on(self._alone.plant)
+            self._errors[lane] = sensors.errors(self._errors.shape[1], self._dt) if sensors else 0.0
+
     def _shown(self, signals: FloatArray) -> FloatArray:
         """The values of `observed` in their units, by those of `SEEN`; shape (n, len(observed))."""
         _, V_a, n_z, _, _, chi, gamma, phi = signals.T
+        if self._errors is not None:
+            of_chi, of_gamma, of_V_a = self._errors[np.arange(self.num_envs), self._sample].T
+            chi, gamma, V_a = chi + of_chi, gamma + of_gamma, V_a + of_V_a
         shown = np.empty_like(self._seen)
         ref = self._references[self._of, :, self._sample]
         shown[:, 0] = np.remainder(ref[:, 0] - chi + math.pi, math.tau) - math.pi
