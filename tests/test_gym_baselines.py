@@ -1,4 +1,4 @@
-"""Flights in the hands of Stable-Baselines3."""
+"""Flights in the hands of Stable-Baselines3; `make counts` tries it where it is installed."""
 
 import importlib.util
 
@@ -21,6 +21,7 @@ def test_without_its_package_the_adapter_says_how_to_install_it():
         ft.gym.stable_baselines(vector(1))
 
 
+@pytest.mark.counts
 def test_the_adapter_has_the_flights_of_the_vector_and_their_last_observations():
     pytest.importorskip("stable_baselines3")
     env, one = ft.gym.stable_baselines(vector(3)), vector(3)
@@ -43,7 +44,7 @@ def test_the_adapter_has_the_flights_of_the_vector_and_their_last_observations()
         ft.gym.stable_baselines(vector(1, autoreset_mode="next_step"))
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_its_ppo_learns():
     PPO = pytest.importorskip("stable_baselines3").PPO
     env = ft.gym.stable_baselines(vector(64))
