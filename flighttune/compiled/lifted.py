@@ -28,6 +28,9 @@ from flighttune.compiled.x86 import UnknownCodeError, Vector, Walk, known
 # arguments that one must have.
 _TRIED, _WAYS, _SHARE = 240, 12, 0.004
 
+# The platform whose machine code is read.
+_KNOWN = "linux x86_64 glibc"
+
 # Values on which a function is compared with the library's, for each kind of range.
 _COMPARED = 1 << 18
 
@@ -80,6 +83,8 @@ def lifted(width: int, key: Callable[[str], str]) -> Lifted:
 
     `key` makes a key of the cache of all that the machine decides.
     """
+    if machine.this_platform() != _KNOWN:
+        return Lifted()
     try:
         import capstone  # noqa: F401
     except ImportError:
@@ -105,7 +110,7 @@ def _function(name: str, width: int) -> str:
     ways = 0
     value, good = "zeroinitializer", ""
     for decisions in _ways(name):
-        walk = Walk(width, f"w{ways}.", decisions, machine.library_region())
+        walk = Walk(width, machine.library_region(), f"w{ways}.", decisions)
         try:
             found = walk.real(walk.result(machine.library_address(name), arguments))
         except (UnknownCodeError, KeyError, AttributeError, ValueError):
@@ -167,7 +172,7 @@ def _ways(name: str) -> list[tuple[bool, ...]]:
     for draws in RANGES[name]:
         columns = [draw(generator, _TRIED) for draw in draws]
         for numbers in zip(*(x.tolist() for x in columns), strict=True):
-            walk = Walk(1, "")
+            walk = Walk(1, machine.library_region())
             try:
                 walk.result(address, [known(x) for x in numbers])
             except (UnknownCodeError, KeyError, AttributeError, ValueError):

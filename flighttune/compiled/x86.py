@@ -97,11 +97,12 @@ class Walk:
 
     `decisions` say which way jumps go that depend on numbers of lanes; each is then a guard, which
     holds in the lanes that go this way. Without lanes all numbers are known, and decide. `library`
-    is where the code and its tables are: another process has them elsewhere.
+    is where the code and its tables are, outside of which nothing is read; another process has them
+    elsewhere.
     """
 
     def __init__(
-        self, width: int, prefix: str, decisions: Sequence[bool] = (), library: range = range(0)
+        self, width: int, library: range, prefix: str = "", decisions: Sequence[bool] = ()
     ) -> None:
         self.width, self._prefix, self._count, self._library = width, prefix, 0, library
         self.lines: list[str] = []
@@ -278,6 +279,8 @@ class Walk:
         if isinstance(place, Stack):
             return self._stack.get(place.offset, Known(0))
         if isinstance(place, Known):
+            if place.bits not in self._library:
+                raise UnknownCodeError("memory outside of the library")
             return Known(int.from_bytes(ctypes.string_at(place.bits, bits // 8), "little"))
         kind, lanes = f"i{bits}", self.width
         at = self.emit(f"inttoptr {self.of('i64')} {self.whole(place)} to {self.of('ptr')}")
@@ -299,6 +302,8 @@ class Walk:
             self._registers[f"xmm{i}"] = value
         depth, at = 0, address
         for _ in range(_LONGEST):
+            if at not in self._library:
+                raise UnknownCodeError("code outside of the library")
             instruction = _instruction(at)
             mnemonic, operands = instruction.mnemonic, instruction.operands
             at += instruction.size
