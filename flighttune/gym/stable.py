@@ -1,13 +1,15 @@
 """What Stable-Baselines3 needs, where it is installed."""
 
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flighttune.base.errors import InputError
-from flighttune.gym.vector import FlightVectorEnv
+
+if TYPE_CHECKING:
+    from flighttune.gym.vector import FlightVectorEnv
 
 
-def stable_baselines(env: FlightVectorEnv) -> Any:
+def stable_baselines(env: "FlightVectorEnv") -> Any:
     """Flights as a vector environment of Stable-Baselines3, which does not take Gymnasium's.
 
     Parameters
