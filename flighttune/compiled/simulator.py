@@ -100,6 +100,15 @@ class Aircraft:
         Its name.
     inputs : tuple of str, length m
         Names of its inputs, in the order of the columns of `step`.
+
+    Examples
+    --------
+    >>> aircraft = ft.compiled.load("aerosonde", inputs="surfaces")
+    >>> aircraft.inputs
+    ('aileron', 'elevator', 'rudder', 'throttle')
+    >>> state = aircraft.trim(V_a=[24.0, 26.0])
+    >>> aircraft.step(state, {"throttle": 0.0}, steps=200)["V_a"] < state["V_a"]
+    array([ True,  True])
     """
 
     def __init__(self, trims: Trims) -> None:
@@ -392,6 +401,17 @@ class State:
         Length of an integration step.
     signals : tuple of str
         Names of its signals.
+
+    Examples
+    --------
+    >>> aircraft = ft.compiled.load("aerosonde")
+    >>> state = aircraft.trim(V_a=25.0, n=4, turbulence="light")
+    >>> later = aircraft.step(state, [0.2, 1.0], steps=100)
+    >>> len(later), later["phi"].shape, round(float(later[2]["t"][0]), 6)
+    (4, (4,), 0.5)
+    >>> back = later.put([1, 3], state[[1, 3]])
+    >>> back["t"]
+    array([0.5, 0. , 0.5, 0. ])
     """
 
     def __init__(

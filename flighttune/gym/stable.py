@@ -26,6 +26,12 @@ def stable_baselines(env: "FlightVectorEnv") -> Any:
     ------
     InputError
         If Stable-Baselines3 is not installed, or the flights begin anew in another step.
+
+    Examples
+    --------
+    >>> env = ft.gym.FlightVectorEnv(64, "level_turn", autoreset_mode="same_step")
+    >>> flights = ft.gym.stable_baselines(env)  # doctest: +SKIP
+    >>> agent = PPO("MlpPolicy", flights).learn(1_000_000)  # doctest: +SKIP
     """
     if find_spec("stable_baselines3") is None:
         raise InputError(

@@ -97,6 +97,14 @@ class FlightVectorEnv(VectorEnv):
     Notes
     -----
     ``gymnasium.make_vec("flighttune.gym:flighttune/Flight-v0", num_envs=256)`` makes it scaled.
+
+    Examples
+    --------
+    >>> env = ft.gym.FlightVectorEnv(8, "level_turn", scaled=False)
+    >>> obs, infos = env.reset(seed=1)
+    >>> obs, rewards, terminated, truncated, infos = env.step([[0.1, 1.0]] * 8)
+    >>> obs.shape, rewards.shape, bool(terminated.any())
+    ((8, 10), (8,), False)
     """
 
     def __init__(
